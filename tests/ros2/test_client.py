@@ -1,5 +1,6 @@
 """The client of the actions where something goes wrong: one line and an exit code; and a driver that fails during a goal."""
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -11,7 +12,7 @@ from typing import Any
 import pytest
 from action_msgs.msg import GoalStatus
 from lifecycle_msgs.msg import Transition
-from rclpy.action import ActionClient, ActionServer, CancelResponse
+from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
 from rclpy.task import Future
 from treadline_msgs.action import ClimbStairs
 
@@ -23,8 +24,8 @@ class Client:
         command = [sys.executable, "-u", "-m", "treadline_ros2.client", "--ros-args", "-r", f"__ns:={namespace}"]
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=os.environ)
 
-    def interrupt(self) -> None:
-        self.process.send_signal(signal.SIGINT)
+    def interrupt(self, number: int = signal.SIGINT) -> None:
+        self.process.send_signal(number)
 
     def end(self) -> tuple[int, list[str]]:
         out, err = self.process.communicate(timeout=60)
@@ -34,12 +35,17 @@ class Client:
 class Offered:
     """An action server of somebody else, whose goals end when the test says so."""
 
-    def __init__(self, bystander: Any) -> None:
+    def __init__(self, bystander: Any, answer: Callable[[Any], GoalResponse] = lambda _: GoalResponse.ACCEPT) -> None:
         self.goals: list[Any] = []
         self.cancelled = False
         self._ended: Future[None] = Future()
         self.server = ActionServer(
-            bystander.node, ClimbStairs, "climb_stairs", execute_callback=self._execute, cancel_callback=self._cancel
+            bystander.node,
+            ClimbStairs,
+            "climb_stairs",
+            execute_callback=self._execute,
+            goal_callback=answer,
+            cancel_callback=self._cancel,
         )
 
     async def _execute(self, goal: Any) -> Any:
@@ -63,24 +69,64 @@ def test_ctrl_c_before_anybody_offers_the_action(watching: Callable[..., Any]) -
     assert client.end() == (130, ["treadline: interrupted; no goal was sent"])
 
 
-def test_ctrl_c_cancels_the_goal_and_its_end_is_awaited(watching: Callable[..., Any]) -> None:
-    client, bystander = Client("/cancels"), watching("/cancels")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP], ids=lambda number: number.name)
+def test_a_signal_to_end_cancels_the_goal_and_its_end_is_awaited(watching: Callable[..., Any], number: signal.Signals) -> None:
+    name = f"/cancels_{number.name.lower()}"
+    client, bystander = Client(name), watching(name)
     offered = Offered(bystander)
     bystander.until(lambda: offered.goals, "a goal")
-    client.interrupt()
+    client.interrupt(number)
     bystander.until(lambda: offered.cancelled, "a cancel")
     offered.end()
     bystander.until(lambda: client.process.poll() is not None, "the end")
     assert client.end() == (1, ["verdict 9: cancelled by the client"])
 
 
-def test_a_driver_that_is_gone_ends_the_client(watching: Callable[..., Any]) -> None:
-    client, bystander = Client("/gone"), watching("/gone")
+def test_a_client_whose_terminal_is_closed_cancels_all_the_same(watching: Callable[..., Any]) -> None:
+    """Test: a client whose feedback nobody can read any more is hung up. Expected result: the goal is cancelled."""
+    client, bystander = Client("/closed"), watching("/closed")
     offered = Offered(bystander)
     bystander.until(lambda: offered.goals, "a goal")
-    offered.server.destroy()
+    assert client.process.stdout is not None
+    client.process.stdout.close()
+    for _ in range(3):
+        offered.goals[0].publish_feedback(ClimbStairs.Feedback())
+        bystander.pause(0.3)
+    client.interrupt(signal.SIGHUP)
+    bystander.until(lambda: offered.cancelled, "a cancel")
+    offered.end()
     bystander.until(lambda: client.process.poll() is not None, "the end")
-    assert client.end() == (1, ["treadline: the driver has ended; the guard holds the chair"])
+
+
+def test_a_second_ctrl_c_ends_a_client_whose_goal_is_not_answered(watching: Callable[..., Any]) -> None:
+    """Test: the driver stands still as a goal reaches it, and Ctrl-C is pressed until the client ends. Expected: one line."""
+    client, bystander = Client("/silent"), watching("/silent")
+
+    def stand_still(_: Any) -> GoalResponse:
+        for _ in range(300):
+            client.interrupt()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                client.process.wait(0.2)
+                break
+        return GoalResponse.REJECT
+
+    offered = Offered(bystander, stand_still)
+    bystander.until(lambda: client.process.poll() is not None, "the end")
+    assert client.end() == (130, ["treadline: no answer to the goal; see whether the chair stands"])
+    assert offered.goals == []
+
+
+def test_a_driver_that_is_gone_ends_the_client(started: Callable[..., Any], watching: Callable[..., Any]) -> None:
+    """Test: Ctrl-C ends the driver during a goal. Expected result: feedback until then, and one line."""
+    driver = started("driver", given=("-r", "__ns:=/gone", "-p", "start:=goal"), sim=False)
+    bystander = watching("/gone")
+    bystander.until(lambda: bystander.state("driver") == "active", "an active driver")
+    client = Client("/gone")
+    assert client.process.stdout is not None
+    assert client.process.stdout.readline().startswith("phase ")
+    assert driver.end() == 0
+    code, said = client.end()
+    assert (code, said[-1]) == (1, "treadline: the driver has ended; the guard holds the chair")
 
 
 BREAKS = """

@@ -1,10 +1,12 @@
 """
 A client of climb_stairs and descend_stairs: an example, and a command.
 
-``ros2 run treadline_ros2 climb [down]`` prints the progress; Ctrl-C cancels: the chair holds.
+``ros2 run treadline_ros2 climb [down]`` prints the progress. Ctrl-C, a request to end and a
+terminal that is closed cancel: the chair holds.
 """
 
 from collections.abc import Callable
+import contextlib
 import math
 import signal
 import sys
@@ -21,8 +23,12 @@ WAIT_S = 10.0
 """Time in which the action has to be offered [s]."""
 SPIN_S = 0.1
 """Longest time without a look at Ctrl-C and at the driver [s]: the interval of the feedback."""
-INTERRUPTED = 130
-"""Exit code after Ctrl-C, as of a shell."""
+ENDINGS = [
+    getattr(signal, name) for name in ('SIGINT', 'SIGTERM', 'SIGHUP') if hasattr(signal, name)
+]
+"""Signals after which nobody is there to see what the chair does."""
+ENDED_BY = 128
+"""Exit code after a signal less its number, as of a shell."""
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -30,29 +36,34 @@ def main(arguments: list[str] | None = None) -> int:
     down = 'down' in remove_ros_args(arguments)
     name, kind = ('descend_stairs', DescendStairs) if down else ('climb_stairs', ClimbStairs)
     presses: list[int] = []
-    signal.signal(signal.SIGINT, lambda number, _: presses.append(number))
+    for ending in ENDINGS:
+        signal.signal(ending, lambda number, _: presses.append(number))
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node('stairs_client')
     try:
         return _traverse(node, name, kind, presses)
     finally:
+        for ending in ENDINGS:
+            signal.signal(ending, signal.SIG_IGN)
         node.destroy_node()
         rclpy.try_shutdown()
 
 
 def _traverse(node: Any, name: str, kind: Any, presses: list[int]) -> int:
-    """Ask, wait for the end, and return the exit code; ``presses`` grows with each Ctrl-C."""
+    """Ask, wait for the end, and return the exit code; ``presses`` grows with each signal."""
     client = ActionClient(node, kind, name)
     until_s = time.monotonic() + WAIT_S
     _spin(node, lambda: client.server_is_ready() or presses or time.monotonic() > until_s)
     if presses:
-        return _end(INTERRUPTED, 'interrupted; no goal was sent')
+        return _end(ENDED_BY + presses[0], 'interrupted; no goal was sent')
     if not client.server_is_ready():
         return _end(2, f'nobody offers {name}; start the graph with start:=goal')
 
     asked = client.send_goal_async(kind.Goal(), _report)
     # After Ctrl-C, too: a goal that is accepted later must not drive the chair with nobody there.
-    _spin(node, lambda: asked.done() or not client.server_is_ready())
+    _spin(node, lambda: asked.done() or len(presses) > 1 or not client.server_is_ready())
+    if not asked.done() and len(presses) > 1:
+        return _end(ENDED_BY + presses[0], 'no answer to the goal; see whether the chair stands')
     if not asked.done():
         return _end(1, 'the driver has ended without an answer')
     goal = asked.result()
@@ -65,7 +76,9 @@ def _traverse(node: Any, name: str, kind: Any, presses: list[int]) -> int:
         goal.cancel_goal_async()
         _spin(node, lambda: ended.done() or len(presses) > 1 or not client.server_is_ready())
     if not ended.done() and len(presses) > 1:
-        return _end(INTERRUPTED, 'interrupted before the end; see whether the chair stands')
+        return _end(
+            ENDED_BY + presses[0], 'interrupted before the end; see whether the chair stands'
+        )
     if not ended.done():
         return _end(1, 'the driver has ended; the guard holds the chair')
     result = ended.result().result
@@ -86,10 +99,11 @@ def _end(code: int, line: str) -> int:
 def _report(message: Any) -> None:
     feedback = message.feedback
     degrees = [math.degrees(a) for a in (feedback.heading_rad, feedback.stability_margin_rad)]
-    sys.stdout.write(
-        f'phase {feedback.phase}, heading {degrees[0]:.1f}°, margin {degrees[1]:.0f}°, '
-        f'{feedback.distance_to_go_m:.2f} m to go\n'
-    )
+    line = f'phase {feedback.phase}, heading {degrees[0]:.1f}°, margin {degrees[1]:.0f}°, '
+    with contextlib.suppress(
+        OSError
+    ):  # a terminal that was closed must not keep the goal from its end
+        sys.stdout.write(f'{line}{feedback.distance_to_go_m:.2f} m to go\n')
 
 
 if __name__ == '__main__':
