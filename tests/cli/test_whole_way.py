@@ -96,9 +96,9 @@ def test_a_seat_that_must_be_shifted_is_shifted_as_in_a_campaign(run, tmp_path: 
     """Test: a passenger who sits 5 cm back. Expected result: run with the seat shifted, which the run's manifest says."""
     scenario = tmp_path / "back.toml"
     scenario.write_text(WHOLE.format(slope=30, back=-0.05, check="true"))
-    short_runs = run("climb", scenario, "--out", tmp_path / "run", "--json")
-    assert short_runs.values["verdict"] == "time_up", short_runs.err
-    assert short_runs.values["events"][0]["name"] == "seat_shifted"
+    outcome = run("climb", scenario, "--out", tmp_path / "run", "--json")
+    assert outcome.values["verdict"] == "time_up", outcome.err
+    assert outcome.values["events"][0]["name"] == "seat_shifted"
     settings = json.loads((tmp_path / "run" / "manifest.json").read_text())["settings"]
     assert 0.0 < settings["chair"]["seat_shift_m"] <= 0.10
 
@@ -111,7 +111,7 @@ def test_a_scenario_that_check_refuses_runs_only_with_check_off(run, tmp_path: P
     assert refused.values["cause"] == "; ".join(refused.values["reasons"])
     assert not (tmp_path / "run").exists()
     steep.write_text(WHOLE.format(slope=35, back=0.0, check="false"))
-    short_runs = run("climb", steep, "--out", tmp_path / "run", "--json")
-    assert short_runs.values["verdict"] in ("time_up", "refused")
-    assert short_runs.values["duration_s"] > 0.0
-    assert "reasons" not in short_runs.values
+    outcome = run("climb", steep, "--out", tmp_path / "run", "--json")
+    assert outcome.values["verdict"] in ("time_up", "refused")
+    assert outcome.values["duration_s"] > 0.0
+    assert "reasons" not in outcome.values

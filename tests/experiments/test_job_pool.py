@@ -32,26 +32,26 @@ class Square:
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_results_come_in_the_order_of_the_jobs_and_every_end_is_reported(workers: int) -> None:
-    declared: list[str] = []
-    with JobPool(workers, declared.append) as pool:
+    titles: list[str] = []
+    with JobPool(workers, titles.append) as pool:
         first, second = pool.begin([Square(3), Square(2)]), pool.begin([Square(1)])
         assert second() == [1]
         assert first() == [9, 4]
-    assert sorted(declared) == ["1", "2", "3"]
+    assert sorted(titles) == ["1", "2", "3"]
 
 
 def test_one_job_needs_no_worker() -> None:
-    declared: list[str] = []
-    assert run_jobs([Square(5)], workers=8, done=declared.append) == [25]
-    assert declared == ["5"]
-    assert run_jobs([], workers=8, done=declared.append) == []
+    titles: list[str] = []
+    assert run_jobs([Square(5)], workers=8, done=titles.append) == [25]
+    assert titles == ["5"]
+    assert run_jobs([], workers=8, done=titles.append) == []
 
 
 def test_a_job_that_fails_ends_the_pool_with_its_error_and_is_not_reported() -> None:
-    declared: list[str] = []
-    with pytest.raises(ArithmeticError, match="-1 has no root"), JobPool(2, declared.append) as pool:
+    titles: list[str] = []
+    with pytest.raises(ArithmeticError, match="-1 has no root"), JobPool(2, titles.append) as pool:
         pool.begin([Square(-1)])()
-    assert declared == []
+    assert titles == []
 
 
 @dataclass(frozen=True)

@@ -77,8 +77,8 @@ def test_a_transport_that_cannot_be_used(
 
 def test_an_unknown_node(capsys: Any) -> None:
     pytest.importorskip("zenoh", reason="eclipse-zenoh is an extra (treadline[ros])")
-    declared = line(capsys, "node", "gard", "--endpoint", "tcp/127.0.0.1:17491")
-    assert declared == "treadline: no node is called 'gard'; there are: guard, camera, heading, seat, driver, plant, recorder"
+    printed = line(capsys, "node", "gard", "--endpoint", "tcp/127.0.0.1:17491")
+    assert printed == "treadline: no node is called 'gard'; there are: guard, camera, heading, seat, driver, plant, recorder"
 
 
 @pytest.mark.parametrize(
@@ -176,8 +176,8 @@ def test_a_chair_file_without_a_speed_limit_moves_nothing(capsys: Any, tmp_path:
     text = "".join(row for row in (CHAIRS / "wheelchair.toml").read_text().splitlines(keepends=True) if not row.startswith(key))
     (tmp_path / "mine.toml").write_text(text)
     (tmp_path / "scenario.toml").write_text('[chair]\nmodel = "mine.toml"\n')
-    declared = line(capsys, "node", "guard", str(tmp_path / "scenario.toml"), "--endpoint", "tcp/127.0.0.1:17492")
-    assert key in declared
+    printed = line(capsys, "node", "guard", str(tmp_path / "scenario.toml"), "--endpoint", "tcp/127.0.0.1:17492")
+    assert key in printed
 
 
 def test_a_guard_that_is_never_ready() -> None:

@@ -112,14 +112,14 @@ def test_a_ros_2_bag_is_one_sqlite_file(copies: dict[str, Path]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("out", "declared"),
+    ("out", "expected"),
     [("x.csv", "'.csv' is no bag that is written: .mcap, .bag (ROS 1), .db3 (ROS 2)"), ("there.bag", "is there already")],
 )
 def test_a_file_that_cannot_be_written_is_reported_in_one_line(
-    run: Path, tmp_path: Path, capsys: Any, out: str, declared: str
+    run: Path, tmp_path: Path, capsys: Any, out: str, expected: str
 ) -> None:
     (tmp_path / "there.bag").touch()
     capsys.readouterr()
     assert main(["record", str(run), "--out", str(tmp_path / out)]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert declared in line
+    assert expected in line

@@ -165,7 +165,7 @@ def test_without_an_environment_it_is_said_how_to_get_one(tmp_path: Path, monkey
 
 
 @pytest.mark.parametrize(
-    ("program", "script", "declared"),
+    ("program", "script", "expected"),
     [
         ("id", "echo 1000", "Gazebo's environment needs root; run it as root, or take the Dockerfile"),
         ("chroot", "exit 1", "chroot is not allowed here; take the Dockerfile"),
@@ -173,7 +173,7 @@ def test_without_an_environment_it_is_said_how_to_get_one(tmp_path: Path, monkey
     ids=["no root", "no chroot"],
 )
 def test_where_it_cannot_be_built_the_script_says_so_in_a_line_and_the_tests_are_skipped(
-    tmp_path: Path, program: str, script: str, declared: str
+    tmp_path: Path, program: str, script: str, expected: str
 ) -> None:
     (tmp_path / "id").write_text("#!/bin/sh\necho 0\n")
     (tmp_path / program).write_text(f"#!/bin/sh\n{script}\n")
@@ -182,7 +182,7 @@ def test_where_it_cannot_be_built_the_script_says_so_in_a_line_and_the_tests_are
     environment = os.environ | {"PATH": f"{tmp_path}:{os.environ['PATH']}", "TREADLINE_GAZEBO": str(tmp_path / "cache")}
     done = subprocess.run([SCRIPT], env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 77  # make test-gazebo takes it for "skipped"
-    assert done.stderr.splitlines()[-1] == f"treadline: {declared}"  # a busy machine writes before that the command runs
+    assert done.stderr.splitlines()[-1] == f"treadline: {expected}"  # a busy machine writes before that the command runs
 
 
 def test_the_paper_is_not_begun_without_gazebo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
