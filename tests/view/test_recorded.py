@@ -150,10 +150,11 @@ def write_bag(path: Path, *, compressed: bool) -> None:
             if not compressed:
                 bag(RgbdFrame(t_s=t_s, rgb=rgb, depth_m=np.ones((24, 32), np.float32), camera=SMALL), t_s)
                 continue
-            topic, kind, data = compressed_message("/camera/image/compressed", t_s, "camera", as_jpeg(rgb, 32))
+            image = compressed_message("/camera/image/compressed", t_s, "camera_optical_frame", as_jpeg(rgb, 32))
+            topic, kind = image.topic, image.kind
             connection = bag._connections.get(topic) or bag._writer.add_connection(topic, kind, typestore=bag._store)
             bag._connections[topic] = connection
-            bag._writer.write(connection, nanoseconds_of(t_s), data)
+            bag._writer.write(connection, nanoseconds_of(t_s), image.encoded())
     bag.close()
 
 
