@@ -10,6 +10,9 @@ PIP := $(BIN)/python tools/install.py --constraint $(LOCK)
 # Without bytecode files every process would compile the sources of all libraries anew.
 unexport PYTHONDONTWRITEBYTECODE
 
+# Tests of processes on the wall clock: they run while no other test needs the processor.
+REAL_TIME := tests/ros tests/hardware tests/guard/test_guard_watchdog.py
+
 .PHONY: help setup lock reproduce quick publish test fast shapes slow test-ros1 test-ros2 test-gazebo test-browser firmware test-firmware check coverage format docs docs-serve schema dist clean
 
 help:
@@ -77,7 +80,8 @@ publish: setup
 	$(BIN)/python benchmarks/publish.py $(OUT)
 
 test: $(VENV)/.test setup
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 2 --dist loadfile $(REAL_TIME:%=--ignore=%)
+	$(BIN)/python -m pytest $(REAL_TIME)
 
 fast: $(VENV)/.test setup
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m fast
