@@ -170,7 +170,8 @@ PUSHED = "window.pad.axes[1] = -1; window.pad.buttons[5].pressed = arguments[0];
 
 @pytest.fixture
 def driving(page: Any, by_hand: str) -> Iterator[Any]:
-    """Page of a live run whose chair a person drives."""
+    """Page of a live run whose chair a person drives; small, so that software draws it fast enough for reports in time."""
+    page.driver.set_window_size(700, 500)
     page.driver.get(by_hand)
     page.until_it_runs()
     page.click("Control")
@@ -180,6 +181,7 @@ def driving(page: Any, by_hand: str) -> Iterator[Any]:
     time.sleep(1.0)
     yield page
     page.tick("Drive by hand")
+    page.driver.set_window_size(1440, 900)
 
 
 def place(page: Any) -> float:
