@@ -134,7 +134,7 @@ def measure(seconds: float) -> dict[str, list[float]]:
         rows, proposed = _looped(robot, seconds)
         link = json.loads(out.read_text())
     rows["command → belt"] = [1e3 * (at - proposed[value]) for value, at in link["sent"].items() if value in proposed]
-    rows["stop or IMU → guard → brake"] = [1e3 * value for value in link["brakes"]]
+    rows["stop → guard → brake"] = [1e3 * value for value in link["brakes"]]
     return rows
 
 
