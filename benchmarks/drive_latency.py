@@ -23,12 +23,12 @@ import numpy as np
 from treadline.core.camera_images import NamedFrame, RgbdFrame
 from treadline.core.signals import FlipperReading, ImuSample, OperatorInput, SeatReading
 from treadline.hardware._arming import BenchSession
+from treadline.hardware._guard_client import GuardClient
 from treadline.hardware._real_time import LOOP, real_time
+from treadline.hardware._robot_plant import CameraThread
 from treadline.hardware.drive import Robot
-from treadline.hardware.guard_client import GuardClient
 from treadline.hardware.ports import DriveLimits, DriveState
 from treadline.hardware.robot_file import read_robot
-from treadline.hardware.robot_plant import CameraThread
 from treadline.mission._warm_up import stair_frames
 from treadline.mission.mission_blocks import detector_of, warm_up
 from treadline.perception.frame_quality import quality_of

@@ -20,8 +20,8 @@ from waiting import PATIENCE_S, wait
 
 from treadline.core.signals import OperatorInput
 from treadline.hardware._arming import BenchSession
+from treadline.hardware._guard_client import GuardClient
 from treadline.hardware.drive import Robot
-from treadline.hardware.guard_client import GuardClient
 
 HELD = {"dead_man": True, "speed": 1.0}
 

@@ -1,12 +1,14 @@
 """Robot files: speed limits are required, links are named, each error is one line with the key and the remedy."""
 
 import math
+from pathlib import Path
 
 import pytest
 from robots import TestRobot
 
 from treadline.core.errors import LinkError, SettingsError
-from treadline.hardware.guard_client import GuardClient
+from treadline.hardware._guard_client import GuardClient
+from treadline.hardware.drive import camera_of
 
 
 @pytest.mark.parametrize(
@@ -44,6 +46,16 @@ def test_the_box_receives_the_rates_of_seat_and_flipper_of_the_chair_file(robot:
     robot.path.write_text(robot.path.read_text().replace('[joints]\nlink = "drives"\n', ""))
     limits = robot.file().drive_limits
     assert (limits.seat_m_s, limits.flipper_rad_s) == (0.0, 0.0)
+
+
+def test_an_own_camera_is_sought_in_the_working_folder(robot: TestRobot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Test: a module of the working folder without the class. Expected result: the class is missed, not the module."""
+    (tmp_path / "camera_of_a_lab.py").write_text("")
+    monkeypatch.chdir(tmp_path)
+    table = '[camera]\nsource = "camera_of_a_lab:LabCamera"\ncalibration = "camera.toml"\n'
+    robot.path.write_text(robot.path.read_text() + table)
+    with pytest.raises(SettingsError, match="module 'camera_of_a_lab' has no attribute 'LabCamera'; give realsense"):
+        camera_of(robot.file())
 
 
 def test_two_links_on_one_port_are_refused(robot: TestRobot) -> None:

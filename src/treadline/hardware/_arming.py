@@ -6,7 +6,6 @@ person holds the dead-man switch: each belt alone, forward and back, is compared
 
 import math
 import time
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -25,9 +24,9 @@ from treadline.core.signals import (
     TrackReading,
 )
 from treadline.guard import GuardConfig
-from treadline.hardware.guard_client import GuardClient
+from treadline.hardware._guard_client import GuardClient
+from treadline.hardware._robot_plant import CameraThread
 from treadline.hardware.robot_file import BENCH_M_S, RobotFile
-from treadline.hardware.robot_plant import CameraThread
 from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription
 
 SPEAK_S = 3.0
@@ -256,7 +255,7 @@ class Arming:
         """Return the means of a movement: speeds of the moved and of the other belt [m/s], gyro rate [rad/s]."""
         session, client = self._session, self._client
         session.wait("the guard holds, and no person re-armed", PERSON_S, lambda: client.holding is None)
-        start_s, tracks, rates = session.t_s, deque[TrackReading](), deque[float]()
+        start_s, tracks, rates = session.t_s, list[TrackReading](), list[float]()
         while session.t_s < start_s + WIGGLE_S and client.holding is None:
             for reading in session.tick(left * WIGGLE_M_S, right * WIGGLE_M_S):
                 if isinstance(reading, TrackReading) and session.t_s > start_s + SETTLE_S:

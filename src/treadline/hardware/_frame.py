@@ -119,10 +119,8 @@ class BoxState:
     """Angle of the flipper, and torque."""
 
 
-_COUNTS = {"limits": VALUES, "set_points_um_s": 2, "belts": 2, "orientation": 4, "rates": 3, "accelerations": 3} | {
-    "seat": 2,
-    "flipper": 2,
-}
+_PAIRS, _TRIPLES = ("set_points_um_s", "belts", "seat", "flipper"), ("rates", "accelerations")
+_COUNTS = {"limits": VALUES, "orientation": 4, **dict.fromkeys(_PAIRS, 2), **dict.fromkeys(_TRIPLES, 3)}
 """Numbers in those fields of a state that have more than one."""
 
 

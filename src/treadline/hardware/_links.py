@@ -4,14 +4,13 @@
 """
 
 import math
-import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from importlib import import_module
 from typing import Any
 
 from treadline.core.errors import LinkError, TreadlineError
+from treadline.core.own_modules import own_module
 from treadline.core.signals import FlipperCommand, PlantState, SeatCommand, TrackCommand, TrackReading
 from treadline.hardware.ports import DriveLimits, DriveLink, DriveState, JointLink, SensorLink
 
@@ -52,10 +51,8 @@ def _check_protocol(port: str, link: Any) -> None:
 def _opened(port: str, request: Mapping[str, Any], limits: DriveLimits) -> Any:
     module, _, name = request["class"].partition(":")
     options = request["options"] | ({"limits": limits} if port == "drives" else {})
-    if "" not in sys.path:
-        sys.path.insert(0, "")  # an own driver lies in the working folder
     try:
-        return getattr(import_module(module), name)(**options)
+        return getattr(own_module(module), name)(**options)
     except TreadlineError as error:
         raise LinkError(f"{port}: {error}") from error
     except TypeError as error:

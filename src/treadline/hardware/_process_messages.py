@@ -6,7 +6,7 @@ The sockets never block: a datagram that does not fit is lost, and its receiver 
 import json
 import socket
 from collections.abc import Iterator, Mapping
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 from treadline.core import signals
@@ -15,14 +15,9 @@ from treadline.hardware.ports import DriveLimits, DriveState, StickReading
 
 LARGEST = 1 << 16
 """Size of the receive buffer [bytes]; the readings of a tick have 2,000."""
-NAMES = (
-    "Event", "FlipperCommand", "FlipperReading", "FrameQuality", "FreeGround", "HeadingEstimate", "HeadingHealth",
-    "HeadingMeasurement", "ImuSample", "MotionPlan", "OperatorInput", "PlantState", "SeatCommand", "SeatReading", "StairMap",
-    "TrackCommand", "TrackReading",
-)  # fmt: skip
-TYPES = {kind.__name__: kind for kind in (DriveLimits, DriveState, GuardConfig, StickReading)}
-TYPES |= {name: getattr(signals, name) for name in NAMES}
-"""Types that cross the boundary, by name."""
+TYPES: dict[str, type[Any]] = {kind.__name__: kind for kind in (DriveLimits, DriveState, GuardConfig, StickReading)}
+TYPES |= {name: kind for name, kind in vars(signals).items() if isinstance(kind, type) and is_dataclass(kind)}
+"""Types that cross the boundary, by name: every signal, and what only a real chair has."""
 FIELDS = {kind: tuple(item.name for item in fields(kind)) for kind in TYPES.values()}
 
 

@@ -8,7 +8,6 @@ import math
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict, dataclass, replace
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -17,14 +16,15 @@ import numpy as np
 from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError
 from treadline.core.models import ControllerDesign
+from treadline.core.own_modules import own_module
 from treadline.core.signals import TICK_S, Event
 from treadline.guard import GuardConfig
 from treadline.hardware._arming import Arming, BenchSession
+from treadline.hardware._guard_client import GuardClient
 from treadline.hardware._real_time import LOOP, real_time
-from treadline.hardware.guard_client import GuardClient
+from treadline.hardware._robot_plant import CameraThread, RobotPlant
 from treadline.hardware.ports import StickReading
 from treadline.hardware.robot_file import BENCH_M_S, RobotFile
-from treadline.hardware.robot_plant import CameraThread, RobotPlant
 from treadline.io.live import CAMERAS, camera_by_name
 from treadline.io.live.stream import LiveFrames
 from treadline.io.mcap_log import RunLog
@@ -103,7 +103,7 @@ def camera_of(file: RobotFile) -> CameraThread:
     module, _, name = file.camera.source.partition(":")
     try:
         options = file.camera.model_extra or {}
-        camera = getattr(import_module(module), name)(**options) if name else camera_by_name(file.camera.source)
+        camera = getattr(own_module(module), name)(**options) if name else camera_by_name(file.camera.source)
     except (ImportError, AttributeError, TypeError) as error:
         known = ", ".join(CAMERAS)
         raise SettingsError(f"camera.source is '{file.camera.source}': {error}; give {known} or module:Class") from None

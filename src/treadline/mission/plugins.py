@@ -6,7 +6,6 @@ belong to the class, so that they are known without an instance.
 """
 
 import ast
-import importlib
 import sys
 from importlib import util
 from importlib.metadata import entry_points
@@ -15,6 +14,7 @@ from types import ModuleType
 from typing import Any
 
 from treadline.core.errors import SettingsError, closest
+from treadline.core.own_modules import own_module
 from treadline.core.settings import text_of
 from treadline.mission.mission_config import FILE_PREFIX
 
@@ -73,21 +73,14 @@ def _module_of(name: str, where: str) -> ModuleType:
     """Return a module by its name, sought in the working directory first, or a file that ends in ``.py``."""
     if name.endswith(".py"):
         return _module_in(Path(name), where)
-    here = str(Path.cwd())
-    added = here not in sys.path
-    if added:
-        sys.path.insert(0, here)
     try:
-        return importlib.import_module(name)
+        return own_module(name)
     except ModuleNotFoundError as error:
         if error.name is not None and (name == error.name or name.startswith(error.name + ".")):
             raise SettingsError(f"{where}: no module '{error.name}' here or among the installed packages") from None
         raise SettingsError(f"{where}: '{name}' cannot be imported: {error}") from error
     except (Exception, SystemExit) as error:
         raise SettingsError(f"{where}: '{name}' cannot be imported: {type(error).__name__}: {error}") from error
-    finally:
-        if added:
-            sys.path.remove(here)
 
 
 def _module_in(path: Path, where: str) -> ModuleType:

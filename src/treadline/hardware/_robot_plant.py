@@ -14,12 +14,12 @@ from typing import Any
 from treadline.core.camera_images import NamedFrame, RgbdFrame
 from treadline.core.errors import TreadlineError
 from treadline.core.ports import Reading
-from treadline.core.signals import FlipperCommand, SeatCommand, TrackCommand
-from treadline.hardware.guard_client import GuardClient
+from treadline.core.signals import TICK_S, FlipperCommand, SeatCommand, TrackCommand
+from treadline.hardware._guard_client import GuardClient
 from treadline.hardware.ports import StickReading
 
-WAIT_S = 0.002
-"""Longest sleep before reports are read again [s]: a fifth of a tick."""
+WAIT_S = 0.2 * TICK_S
+"""Longest sleep before reports are read again [s]."""
 FRAMES = 2
 """Frames that wait for the loop; older ones are dropped, because a frame that waits longer than a period has a successor."""
 DELAYS = 10
