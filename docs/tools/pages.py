@@ -3,18 +3,19 @@
 A page's fenced blocks are its program, in the page's order: a block with ``title="NAME"`` is a file to write, ``sh`` and ``python``
 without a title run. A comment ``<!-- not run by the tests: REASON -->`` before a block leaves that block out. A ``text`` block
 directly after one that runs shows its output, and a picture ``media/pages/PAGE-NAME`` is the file NAME that the page's program
-wrote.
+wrote, in whichever folder.
 """
 
 import os
 import re
-import shutil
 import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
+
+from PIL import Image
 
 import treadline
 
@@ -25,6 +26,8 @@ BLOCK = re.compile(
     r"(?:\n\n```text\n(?P<shown>.*?)```)?",
     re.DOTALL,
 )
+LARGEST_PX = (720, 720)
+"""Size of a picture: the width of a page's text."""
 NUMBER = re.compile(r"[-+−]?\d[\d.,]*(e[-+]?\d+)?")
 
 
@@ -90,8 +93,10 @@ def renew(page: Path) -> None:
                 text = text.replace(
                     f"{block.text}```\n\n```text\n{block.shown}```", f"{block.text}```\n\n```text\n{output.rstrip()}\n```"
                 )
-        for name in re.findall(rf"\(\.\./media/pages/{page.stem}-([\w.]+)\)", text):
-            shutil.copy(folder / name, DOCS / "media" / "pages" / f"{page.stem}-{name}")
+        for name in re.findall(rf"\(\.\./media/pages/{page.stem}-([\w.-]+)\)", text):
+            picture = Image.open(next(folder.rglob(name))).convert("RGB")
+            picture.thumbnail(LARGEST_PX)
+            picture.quantize().save(DOCS / "media" / "pages" / f"{page.stem}-{name}", optimize=True)
     page.write_text(text, encoding="utf-8")
 
 

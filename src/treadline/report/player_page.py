@@ -184,9 +184,11 @@ def _summary(recording: Recording) -> str:
     if scenario is None:
         return f"Chair model: {recording.chair.name}."
     stair = scenario.stair
+    kerb = f"a step of {stair.rise_m:g} m"
+    flight = kerb if stair.steps == 1 else f"a stair of {stair.slope_rad / DEG:.0f}° with {stair.steps} steps"
     return (
         f"Simulated with seed {recording.seed}: {recording.chair.name} with a payload of {scenario.chair.payload_kg:g} kg, "
-        f"{'up' if scenario.drive.direction == 'up' else 'down'} a stair of {stair.slope_rad / DEG:.0f}° with {stair.steps} steps, "
+        f"{'up' if scenario.drive.direction == 'up' else 'down'} {flight}, "
         f"friction {stair.friction[0]:g} along and {stair.friction[1]:g} across the belts. No claim to any safety standard is made."
     )
 
