@@ -237,6 +237,20 @@ def test_an_end_in_the_middle_of_the_flight_is_taken_back_by_frames_that_show_mo
     assert where.top_ahead_m() == pytest.approx(chair.nosing_B(3)[0])
 
 
+@pytest.mark.parametrize("up", [True, False])
+def test_a_false_nosing_beyond_the_end_is_forgotten_when_more_frames_show_the_end(up: bool) -> None:
+    """Test: seven far frames show a nosing two runs beyond the last one, the next fifty the end before it. Expected result: the
+    flight ends at its last nosing."""
+    chair = Chair() if up else Chair(x_m=4.0, z_m=6 * RISE_M, first_m=0.0)
+    steps, beyond, last = ((0, 1, 2), (0, 1, 2, 4), 2) if up else ((5, 4, 3), (5, 4, 3, 1), 3)
+    where = seen(chair, *beyond, times=7, up=up)
+    for _ in range(50):
+        chair.update(where, *steps, up=up, ends=True)
+    assert where.top_ends if up else where.bottom_ends
+    found_m = where.top_ahead_m() if up else where.bottom_ahead_m()
+    assert found_m == pytest.approx(chair.nosing_B(last)[0])
+
+
 def test_a_flight_that_falls_behind_ends_at_its_lowest_nosing() -> None:
     chair = Chair(x_m=4.0, z_m=6 * RISE_M, first_m=0.0)
     where = StairTracker()

@@ -210,6 +210,16 @@ def test_a_confirmed_edge_below_the_image_is_entered_by_a_chair_that_turned_squa
     assert (chair.look(**REAR | {"seen_m": 0.88}).cause(-0.1, "approach") is None) is enters
 
 
+def test_the_first_tread_beyond_a_confirmed_edge_is_not_the_landing() -> None:
+    """Test: an edge with its nosings in maps, then below the image, where frames show the tread and its end. Expected result: the
+    edge stays where it was, and is entered."""
+    chair = Chair().look(**REAR | {"seen_m": 0.9, "end_m": 0.9, "end_sigma_m": 0.01}).map(0.9)
+    chair.travel_m = -0.05
+    chair.look(**REAR | {"seen_m": 1.15, "end_m": 1.15, "end_sigma_m": 0.01})
+    assert chair.goes(-0.1, "approach") == pytest.approx(3.0, abs=0.002)
+    assert chair.cause(-0.1, "search") is not None
+
+
 def test_on_a_flight_neither_rule_holds_and_off_it_the_ground_is_awaited_for_three_frames() -> None:
     """Test: phases with a pitch above 5°, then level. Expected result: an end holds off the flight, unseen ground after 0.3 s."""
     chair = Chair().look(**FRONT | {"seen_m": 0.85, "end_m": 0.85, "end_sigma_m": 0.0})

@@ -16,7 +16,7 @@ from treadline.core.rotations import rotation_z
 from treadline.perception import StairDetection, StairDetector
 from treadline.perception.overlay import overlay
 from treadline.scenario.chair import read_chair
-from treadline.scenario.scenario import Stair
+from treadline.scenario.scenario import Stair, StepOverride
 from treadline.vehicle.staircase import Staircase, build_staircase
 
 DETECTOR = StairDetector()
@@ -62,15 +62,17 @@ def test_a_chair_the_other_way_round_gets_the_same_stair(scene: str) -> None:
 
 
 def backing(
-    seed: int, heading_rad: float, *, behind_m: float, level: bool
+    seed: int, heading_rad: float, *, behind_m: float, level: bool, first_m: float | None = None
 ) -> tuple[RgbdFrame, Float[np.ndarray, " 3"], np.ndarray]:
     """Return a frame of the rear camera, down in C, and the nosings behind the chair, in B, the nearest first.
 
     Args:
         behind_m: From the landing's edge up to the chair's middle: on the landing, where ``level``, else down the flight.
+        first_m: Rise of the first step; that of the others by default.
     """
     rng = np.random.default_rng(seed)
-    staircase = build_staircase(Stair(slope_deg=28.0, steps=14, walls="right"), rng)
+    own = () if first_m is None else (StepOverride(index=0, rise_m=first_m),)
+    staircase = build_staircase(Stair(slope_deg=28.0, steps=14, walls="right"), rng, own)
     R_WB, p_WB = _pose(staircase, heading_rad, behind_m, level=level)
     frame, down = frame_of(staircase, REAR, R_WB, p_WB, rng)
     places = np.array([[step.x_m, 0.0, step.z_m] for step in staircase.steps]) - p_WB
@@ -118,11 +120,14 @@ def test_nosings_behind_the_chair_are_where_they_are(level: bool, behind_m: floa
     assert rms(np.array(nearest)) < 0.010
 
 
-def test_the_floor_behind_the_last_nosing_ends_the_flight() -> None:
+@pytest.mark.parametrize("first_m", [None, 0.11, 0.21], ids=["even", "-50 mm", "+50 mm"])
+def test_the_floor_behind_the_last_nosing_ends_the_flight(first_m: float | None) -> None:
+    """Test: four of fourteen nosings in view, and the floor. Expected result: the end, also where a covering has changed the first
+    riser by 50 mm of 160."""
     reported = []
     for seed in range(44_000, 44_012):
         # Of fourteen nosings four are left behind the chair.
-        frame, down, true = backing(seed, 0.1, behind_m=3.2, level=False)
+        frame, down, true = backing(seed, 0.1, behind_m=3.2, level=False, first_m=first_m)
         seen = DETECTOR.look(frame, down).stair_map
         if seen is not None:
             gaps = np.linalg.norm(np.array(seen.nosings_B)[-1] - true, axis=1)

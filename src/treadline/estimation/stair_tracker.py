@@ -351,7 +351,7 @@ class StairTracker:
         places = self._places(seen)
         shown = self._match([*self._hidden_edge(places[0]), *places])
         self._note_slip(since_s, self.up_m - up_m)
-        self._note_missed(shown)
+        self._note_missed(shown, seen)
         self._note_passed(shown, way)
         self._fit_shape()
         if shown:
@@ -467,11 +467,13 @@ class StairTracker:
                 side.count = side.count + 1 if same else 1
                 side.edge_m, side.kind = edge_m + outward_m, kind
 
-    def _note_missed(self, shown: list[_Nosing]) -> None:
-        """Count a miss for each nosing between the nearest and the furthest of a map that the map does not show."""
+    def _note_missed(self, shown: list[_Nosing], seen: StairMap) -> None:
+        """Count a miss for each nosing between the nearest and the furthest of a map, or beyond its end, that it does not show."""
         if len(shown) < KNOWN_AFTER:
             return
         low, high = min(nosing.x_m for nosing in shown), max(nosing.x_m for nosing in shown)
+        if seen.ends:
+            low, high = (low, math.inf) if seen.direction == "up" else (-math.inf, high)
         for nosing in self._nosings:
             if low < nosing.x_m < high and not any(nosing is other for other in shown):
                 nosing.missed += 1

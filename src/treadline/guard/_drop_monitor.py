@@ -47,8 +47,11 @@ class _Ground:
         """Update with the ground of one frame, and the place of mid-track at its exposure.
 
         Ground on the same level behind a strip below the image is known: a chair bridges a gap as long as its reach from mid-track.
+        Beyond a falling flight's edge below the image a frame shows treads, not this ground.
         """
         self.blind_m = place_m + ground.blind_m
+        if self.is_confirmed and self.end_m < self.blind_m:
+            return
         bridges = place_m + ground.blind_m - self.known_m <= reach_m and ground.seen_m > ground.blind_m
         self._seen_m, self._seen_rad = place_m + min(ground.seen_m, NEAR_M) if bridges else -math.inf, self._heading_rad
         self.known_m = max(self.known_m, self._seen_m)

@@ -192,7 +192,8 @@ def _ends(frame: RgbdFrame, points: Sequence[Vector3], axes: Axes, shape: StairS
     """Return whether the absence of a further step after the last nosing is visible.
 
     Depth is compared with that of the next step on a grid: a larger depth in place of the upper fifth of its riser, which may be a
-    board, or a horizontal surface behind the end of its tread shows a landing or a floor.
+    board, or a surface behind the end of its tread that is nearer to the height of a floor than to that of a second tread, shows a
+    landing or a floor. First risers differ by up to half of a rise.
     """
     last = max(points, key=lambda point: float(point @ axes.ahead))
     ahead, up = float(last @ axes.ahead), float(last @ axes.up)
@@ -205,10 +206,13 @@ def _ends(frame: RgbdFrame, points: Sequence[Vector3], axes: Axes, shape: StairS
     expected = grid @ np.stack([axes.ahead, axes.right, axes.up])
     u, v = frame.camera.point_to_pixel(expected)
     inside = np.isfinite(u)
-    seen = frame.depth_m[np.rint(v[inside]).astype(np.int64), np.rint(u[inside]).astype(np.int64)]
-    beyond = (seen - expected[inside, 2])[seen > 0.0]
-    if beyond.size < POINTS:
+    seen_m = frame.depth_m[np.rint(v[inside]).astype(np.int64), np.rint(u[inside]).astype(np.int64)]
+    expected, seen_m = expected[inside][seen_m > 0.0], seen_m[seen_m > 0.0]
+    if seen_m.size < POINTS:
         return False
-    # Less than half of a run behind the riser, and less than the height of a tread.
-    gone = beyond > 0.4 * shape.run_m if shape.direction == "up" else np.abs(beyond) < 0.25 * shape.rise_m
+    beyond_m = seen_m - expected[:, 2]
+    if shape.direction == "up":  # less than half of a run behind the riser
+        gone = beyond_m > 0.4 * shape.run_m
+    else:  # nearer to the floor, whose riser may differ, than to the next tread
+        gone = np.abs(beyond_m / expected[:, 2] * (expected @ axes.up)) < 0.5 * shape.rise_m
     return bool(gone.mean() > END_SHARE)
