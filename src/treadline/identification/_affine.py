@@ -40,6 +40,16 @@ class Affine:
         """Number of states."""
         return int(self.A.shape[0])
 
+    @property
+    def block(self) -> Float[np.ndarray, "n_and_p n_and_m1"]:
+        """System matrix [[A, B], [C, D]]."""
+        return np.block([[self.A, self.B], [self.C, self.D]])
+
+    def with_block(self, block: Float[np.ndarray, "n_and_p n_and_m1"]) -> "Affine":
+        """Return the model with another system matrix, its innovation gain kept."""
+        n = self.order
+        return replace(self, A=block[:n, :n], B=block[:n, n:], C=block[n:, :n], D=block[n:, n:])
+
     @cached_property
     def eigen(self) -> tuple[Num[np.ndarray, " n"], Num[np.ndarray, "n n"]]:
         """Poles and eigenvectors; conjugate poles are adjacent, positive imaginary part first."""

@@ -17,7 +17,6 @@ from treadline.core.arrays import shaped
 from treadline.core.errors import NotFinite, PoorExcitation, ShapeMismatch
 from treadline.identification._checks import check_integers
 from treadline.identification._limits import ROUNDING
-from treadline.identification._recursion_kernels import hankel_matrix
 
 DENSE_MOST = 300
 """Rows up to which a dense decomposition is as fast as a randomised one."""
@@ -112,7 +111,9 @@ def hankel(markov: Float[np.ndarray, "n p m"], rows: int, columns: int, shift: i
 
     Paper: Eq. (8a) with shift 0, Eq. (8b) with shift 1.
     """
-    return np.asarray(hankel_matrix(np.ascontiguousarray(markov), rows, columns, shift))
+    _, p, m = markov.shape
+    blocks = markov[1 + shift + np.arange(rows)[:, None] + np.arange(columns)]
+    return blocks.transpose(0, 2, 1, 3).reshape(rows * p, columns * m)
 
 
 def hankel_times(markov: Float[np.ndarray, "n p m"], rows: int, right: Float[np.ndarray, "b k"]) -> Float[np.ndarray, "a k"]:

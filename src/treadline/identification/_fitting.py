@@ -91,7 +91,7 @@ class Fitting:
 
     def with_gain(self, system: Affine) -> Affine:
         """Return the system with the innovation gain refitted to the one-step prediction, A, B, C and D kept."""
-        n, m1, p = system.order, system.B.shape[1], len(system.C)
+        n, p = system.order, len(system.C)
         recent = experiments_of(most_recent(self.records, GAIN_SAMPLES), self.data.units)
         runs = predictors_of(recent, least=GAIN_RUN)
         if not runs:  # gaps leave no long run; a stable free-run model has innovation gain zero
@@ -103,12 +103,8 @@ class Fitting:
             return system
         # K enters the predictor through A - KC, B - KD and K.
         k = np.eye(n * p).reshape(n, p, n * p)
-        ways = Directions(
-            A=-np.einsum("npk,pj->njk", k, system.C),
-            B=np.concatenate([-np.einsum("npk,pj->njk", k, system.D), k], axis=1),
-            C=np.zeros((p, n, n * p)),
-            D=np.zeros((p, m1 + p, n * p)),
-        )
+        change = np.einsum("npk,pj->njk", k, -system.block[n:])
+        ways = Directions(S=np.pad(np.concatenate([change, k], axis=1), ((0, p), (0, 0), (0, 0))))
         return Affine.of_predictor(refit(start.predictor(), runs, lambda _: ways, ceiling=slowest))
 
     def observable(self, system: Affine) -> Affine:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy.linalg import block_diag
 from scipy.special import gammaincinv
 
 from treadline.core.arrays import markov_parameters
@@ -24,7 +25,7 @@ from treadline.identification._limits import CONFIDENCE
 from treadline.identification._modes import Experiment
 from treadline.identification._okid import ObserverMarkov, regression
 from treadline.identification._recursion_kernels import tangents, unroll
-from treadline.identification._refine import Directions, directions, jacobian, mixed
+from treadline.identification._refine import Directions, directions, jacobian
 
 PORTION = 256
 """Number of directions propagated through the Hankel matrix at once."""
@@ -51,9 +52,7 @@ class ConfidenceIntervals:
 
     def narrowed(self, share: float) -> "ConfidenceIntervals":
         """Return the intervals of a model fitted to more data, of which these cover the given share."""
-        return ConfidenceIntervals(
-            system=self.system, ways=self.ways.along(np.sqrt(share) * np.eye(self.ways.A.shape[2])), units=self.units
-        )
+        return replace(self, ways=Directions(S=np.sqrt(share) * self.ways.S))
 
     def through(self, mixing: Float[np.ndarray, "m v"], units: Units) -> "ConfidenceIntervals":
         """Return the intervals after a change of inputs u = mixing·v, both in standard deviations.
@@ -62,8 +61,10 @@ class ConfidenceIntervals:
             mixing: Matrix from the new inputs to the old.
             units: Units with the new inputs.
         """
-        system = replace(self.system, B=mixed(self.system.B, mixing), D=mixed(self.system.D, mixing))
-        return ConfidenceIntervals(system=system, ways=self.ways.through(mixing), units=units)
+        # States and the constant stay as they are.
+        turn = block_diag(np.eye(self.system.order), mixing, 1.0)
+        ways = np.einsum("acd,cb->abd", self.ways.S, turn)
+        return ConfidenceIntervals(system=self.system.with_block(self.system.block @ turn), ways=Directions(S=ways), units=units)
 
     def pole_radii(self) -> Float[np.ndarray, " n"]:
         """Return the radius of the disc about each pole that contains the true pole with 95 % probability.
@@ -73,7 +74,7 @@ class ConfidenceIntervals:
         """
         _, V = np.linalg.eig(self.system.A)
         W = np.linalg.inv(V)
-        moves = np.einsum("in,nmk,mi->ik", W, self.ways.A, V, optimize=True)
+        moves = np.einsum("in,nmk,mi->ik", W, self.ways.S[: len(V), : len(V)], V, optimize=True)
         parts = np.stack([moves.real, moves.imag], axis=1)
         S = parts @ parts.transpose(0, 2, 1)
         mean, square = np.trace(S, axis1=1, axis2=2), np.einsum("iab,iba->i", S, S)
@@ -82,13 +83,12 @@ class ConfidenceIntervals:
 
     def impulse(self, steps: int) -> Float[np.ndarray, "steps p m"]:
         """Return the standard deviation of the impulse response, in the record's units."""
-        m, system, ways = self.units.input_count, self.system, self.ways
+        m, system = self.units.input_count, self.system
         found = np.empty((steps, len(system.C), m))
         for j in range(m):
             u = np.zeros((steps, system.B.shape[1]))
             u[0, j] = 1.0
-            J = tangents(system.A, system.B, system.C, u, ways.A, ways.B, ways.C, ways.D)
-            found[:, :, j] = np.linalg.norm(J, axis=2)
+            found[:, :, j] = np.linalg.norm(tangents(system.block, self.ways.S, u), axis=2)
         return found * self._gain_units()
 
     def frequency(self, omega: Float[np.ndarray, " w"]) -> Float[np.ndarray, "w p m"]:
@@ -97,19 +97,13 @@ class ConfidenceIntervals:
         Args:
             omega: Frequencies [rad per sample].
         """
-        s, w, m = self.system, self.ways, self.units.input_count
-        B, D, n = s.B[:, :m], s.D[:, :m], s.order
-        std = np.empty((len(omega), len(s.C), m))
+        s, m, n, p = self.system, self.units.input_count, self.system.order, len(self.system.C)
+        std = np.empty((len(omega), p, m))
         for at, frequency in enumerate(omega):
             Phi = np.linalg.inv(np.exp(1j * frequency) * np.eye(n) - s.A)
-            left, right = s.C @ Phi, Phi @ B
-            G = s.C @ right + D
-            change = (
-                np.einsum("pn,nmk,mj->pjk", left, w.A, right, optimize=True)
-                + np.einsum("pnk,nj->pjk", w.C, right, optimize=True)
-                + np.einsum("pn,njk->pjk", left, w.B[:, :m], optimize=True)
-                + w.D[:, :m]
-            )
+            left, right = np.hstack([s.C @ Phi, np.eye(p)]), np.vstack([Phi @ s.B[:, :m], np.eye(m)])
+            G = s.C @ right[:n] + s.D[:, :m]
+            change = np.einsum("pn,nmk,mj->pjk", left, self.ways.S[:, : n + m], right, optimize=True)
             along = np.conj(G) / np.maximum(np.abs(G), 1e-300)
             std[at] = np.linalg.norm((along[:, :, None] * change).real, axis=2)
         return std * self._gain_units()
@@ -138,19 +132,11 @@ def of_observer(observer: ObserverMarkov, svd: HankelSvd, system: Affine, units:
         H, shifted = (Y[at + shift].transpose(0, 2, 1, 3, 4).reshape(blocks * p, columns * m, k) for shift in (0, 1))
         turn, moved = (right.T @ np.tensordot(left, h, axes=1) for h in (H, shifted))
         entering = np.tensordot(left, H[:, :m], axes=1)
-        parts.append((
-            moved - system.A.T @ turn,
-            with_constant(entering - system.B[:, :m].T @ turn),
-            right.T @ H[:p],
-            with_constant(Y[0]),
-        ))  # fmt: skip
-    A, B, C, D = (np.concatenate(arrays, axis=2) for arrays in zip(*parts, strict=True))
-    return ConfidenceIntervals(system=system, ways=Directions(A=A, B=B, C=C, D=D), units=units)
-
-
-def with_constant(changes: Float[np.ndarray, "a m k"]) -> Float[np.ndarray, "a m1 k"]:
-    """Return the changes with a zero column for the constant offset."""
-    return np.concatenate([changes, np.zeros((len(changes), 1, changes.shape[2]))], axis=1)
+        into_states = np.concatenate([moved - system.A.T @ turn, entering - system.B[:, :m].T @ turn], axis=1)
+        into_outputs = np.concatenate([right.T @ H[:p], Y[0]], axis=1)
+        parts.append(np.concatenate([into_states, into_outputs]))
+    ways = np.pad(np.concatenate(parts, axis=2), ((0, 0), (0, 1), (0, 0)))  # the constant stays as it is
+    return ConfidenceIntervals(system=system, ways=Directions(S=ways), units=units)
 
 
 def _coefficient_changes(observer: ObserverMarkov, data: Gram) -> Float[np.ndarray, "q p k"]:
@@ -223,18 +209,14 @@ def of_predicting(
     system: Affine, experiments: Sequence[Experiment], fixed: Bool[np.ndarray, "p m1"], units: Units
 ) -> ConfidenceIntervals | None:
     """Return the intervals of a prediction-error model; its experiments have the outputs as additional inputs."""
-    p, K = len(system.C), system.K
+    p, n, K = len(system.C), system.order, system.K
     w = _spread(system.predictor(), experiments, np.hstack([fixed, np.ones((p, p), dtype=bool)]))
     if w is None or K is None:
         return None
-    dK, dD = w.B[:, -p:], w.D[:, :-p]
-    moved = Directions(
-        A=w.A + np.einsum("npk,pm->nmk", dK, system.C) + np.einsum("np,pmk->nmk", K, w.C),
-        B=w.B[:, :-p] + np.einsum("npk,pm->nmk", dK, system.D) + np.einsum("np,pmk->nmk", K, dD),
-        C=w.C,
-        D=dD,
-    )
-    return ConfidenceIntervals(system=system, ways=moved, units=units)
+    own, dK = w.S[:, :-p], w.S[:n, -p:]
+    # A and B of the model are those of its predictor, and K [C, D].
+    back = np.einsum("npk,pm->nmk", dK, system.block[n:]) + np.einsum("np,pmk->nmk", K, own[n:])
+    return ConfidenceIntervals(system=system, ways=Directions(S=own + np.pad(back, ((0, p), (0, 0), (0, 0)))), units=units)
 
 
 def _spread(system: Affine, experiments: Sequence[Experiment], fixed: Bool[np.ndarray, "p m1"]) -> Directions | None:
@@ -246,7 +228,7 @@ def _spread(system: Affine, experiments: Sequence[Experiment], fixed: Bool[np.nd
     if (system.order + p) * (system.order + system.B.shape[1]) > MATRIX_ENTRIES_MOST:
         return None
     ways = directions(system, fixed)
-    d = ways.A.shape[2]
+    d = ways.S.shape[2]
     total, rows = sum(len(item.y) for item in experiments), ENTRIES_MOST // (p * d)
     kept = [_recent(item, rows * len(item.y) // max(total, rows)) for item in experiments]
     pairs = [jacobian(system, item, ways) for item in kept]

@@ -81,65 +81,37 @@ def unroll(direct, alpha, beta, count):
     return Y
 
 
-@njit(cache=True)
-@no_type_check
-def hankel_matrix(markov, rows, columns, shift):
-    """Return the block Hankel matrix with block (i, j) = Y_{1 + shift + i + j}."""
-    _, p, m = markov.shape
-    H = np.empty((rows * p, columns * m))
-    for i in range(rows):
-        for a in range(p):
-            for j in range(columns):
-                for b in range(m):
-                    H[i * p + a, j * m + b] = markov[1 + shift + i + j, a, b]
-    return H
-
-
 @njit(cache=True, fastmath={"contract", "reassoc", "nsz"})
 @no_type_check
-def tangents(A, B, C, u, dA, dB, dC, dD):
-    """Return the derivatives of the outputs (N, p, d) of a free run from zero along directions.
+def tangents(S, dS, u):
+    """Return the derivatives of the outputs (N, p, d) of a free run [x⁺; y] = S [x; u] from zero along directions.
 
     Args:
-        A, B, C: System matrices.
+        S: System matrix [[A, B], [C, D]] (n + p, n + m).
+        dS: Its changes per unit of each of d parameters (n + p, n + m, d).
         u: Inputs (N, m).
-        dA, dB, dC, dD: Changes of the matrices per unit of each of d parameters: (n, n, d), (n, m, d), (p, n, d), (p, m, d).
     """
-    n, m, p, d, steps = A.shape[0], B.shape[1], C.shape[0], dA.shape[2], len(u)
-    J = np.empty((steps, p, d))
-    x, following = np.zeros(n), np.zeros(n)
-    dx, next_dx = np.zeros((n, d)), np.zeros((n, d))
+    (rows, columns, d), steps = dS.shape, len(u)
+    n = columns - u.shape[1]
+    J, z, following = np.empty((steps, rows - n, d)), np.zeros(columns), np.zeros(rows)
+    dx, moved = np.zeros((n, d)), np.zeros((rows, d))
     for k in range(steps):
-        for o in range(p):
-            row = J[k, o]
-            for e in range(d):
-                row[e] = 0.0
+        z[n:] = u[k]
+        for a in range(rows):
+            total, row = 0.0, moved[a]
+            row[:] = 0.0
+            for i in range(columns):
+                v = z[i]
+                total += S[a, i] * v
+                for e in range(d):
+                    row[e] += v * dS[a, i, e]
             for i in range(n):
-                c, v = C[o, i], x[i]
+                c = S[a, i]
                 for e in range(d):
-                    row[e] += c * dx[i, e] + v * dC[o, i, e]
-            for j in range(m):
-                v = u[k, j]
-                for e in range(d):
-                    row[e] += v * dD[o, j, e]
-        for i in range(n):
-            total = 0.0
-            row = next_dx[i]
-            for e in range(d):
-                row[e] = 0.0
-            for j in range(n):
-                a, v = A[i, j], x[j]
-                total += a * v
-                for e in range(d):
-                    row[e] += a * dx[j, e] + v * dA[i, j, e]
-            for j in range(m):
-                v = u[k, j]
-                total += B[i, j] * v
-                for e in range(d):
-                    row[e] += v * dB[i, j, e]
-            following[i] = total
-        x, following = following, x
-        dx, next_dx = next_dx, dx
+                    row[e] += c * dx[i, e]
+            following[a] = total
+        J[k] = moved[n:]
+        dx[:], z[:n] = moved[:n], following[:n]
     return J
 
 

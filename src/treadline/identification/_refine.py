@@ -8,7 +8,7 @@ is the output error of its predictor with the outputs as additional inputs, so o
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -31,35 +31,20 @@ CHANCE = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Directions:
-    """Changes of (A, B, C, D) per unit of each of d parameters."""
+    """Changes of the system matrix [[A, B], [C, D]] per unit of each of d parameters."""
 
-    A: Float[np.ndarray, "n n d"]
-    B: Float[np.ndarray, "n m1 d"]
-    C: Float[np.ndarray, "p n d"]
-    D: Float[np.ndarray, "p m1 d"]
+    S: Float[np.ndarray, "n_and_p n_and_m1 d"]
 
     def __post_init__(self) -> None:
         store_contiguous(self)
 
     def along(self, root: Float[np.ndarray, "d k"]) -> "Directions":
         """Return the changes along each column of ``root``."""
-        return Directions(A=self.A @ root, B=self.B @ root, C=self.C @ root, D=self.D @ root)
-
-    def through(self, mixing: Float[np.ndarray, "m v"]) -> "Directions":
-        """Return the changes after a change of inputs u = mixing·v."""
-        return Directions(A=self.A, B=mixed(self.B, mixing), C=self.C, D=mixed(self.D, mixing))
+        return Directions(S=self.S @ root)
 
     def moved(self, system: Affine, step: Float[np.ndarray, " d"]) -> Affine:
         """Return the system after a step along the directions."""
-        return replace(
-            system, A=system.A + self.A @ step, B=system.B + self.B @ step, C=system.C + self.C @ step, D=system.D + self.D @ step
-        )
-
-
-def mixed(matrix: Float[np.ndarray, "n m1 *d"], mixing: Float[np.ndarray, "m v"]) -> Float[np.ndarray, "n v1 *d"]:
-    """Return the matrix for inputs v with u = mixing·v; the last column, for the offsets, is unchanged."""
-    m = len(mixing)
-    return np.concatenate([np.einsum("nm...,mv->nv...", matrix[:, :m], mixing), matrix[:, m:]], axis=1)
+        return system.with_block(system.block + self.S @ step)
 
 
 def experiments_of(records: Sequence[InputOutputRecord], units: Units) -> list[Experiment]:
@@ -179,54 +164,52 @@ def _modal_changes(modes: Modes, system: Affine, ways: Directions) -> Num[np.nda
 
     The diagonal of dA in modal coordinates moves the poles; the off-diagonal part rotates the modes (first order in both).
     """
-    n, m1, p, d = system.order, system.B.shape[1], len(system.C), ways.A.shape[2]
-    dA = (modes.W @ ways.A.reshape(n, n * d)).reshape(n, n, d)
-    dA = (modes.V.T @ dA.transpose(1, 0, 2).reshape(n, n * d)).reshape(n, n, d).transpose(1, 0, 2)
+    n, m1, p, d = system.order, system.B.shape[1], len(system.C), ways.S.shape[2]
+    # Rows in modal coordinates, then columns.
+    S = np.concatenate([np.tensordot(modes.W, ways.S[:n], axes=1), ways.S[n:]])
+    S = np.concatenate([modes.V.T @ S[:, :n], S[:, n:]], axis=1)
+    dA, at = S[:n, :n], np.arange(n)
     apart = modes.poles[None, :] - modes.poles[:, None]
     np.fill_diagonal(apart, 1.0)
     turn = dA / apart[:, :, None]
-    turn[np.arange(n), np.arange(n)] = 0.0
-    B = modes.W @ system.B
-    dB = (modes.W @ ways.B.reshape(n, m1 * d)).reshape(n, m1, d) - B.T @ turn
-    dC = modes.V.T @ ways.C + (modes.C @ turn.reshape(n, n * d)).reshape(p, n, d)
-    own = np.concatenate([dC, ways.D], axis=1).reshape(p * (n + m1), d)
-    return np.concatenate([dB.reshape(n * m1, d), dA[np.arange(n), np.arange(n)], own])
+    turn[at, at] = 0.0
+    dB = S[:n, n:] - (modes.W @ system.B).T @ turn
+    dC = S[n:, :n] + np.tensordot(modes.C, turn, axes=1)
+    own = np.concatenate([dC, S[n:, n:]], axis=1).reshape(p * (n + m1), d)
+    return np.concatenate([dB.reshape(n * m1, d), dA[at, at], own])
 
 
 def jacobian(
     system: Affine, experiment: Experiment, ways: Directions
 ) -> tuple[Float[np.ndarray, "rows d"], Float[np.ndarray, " rows"]]:
     """Return the derivatives of a free run along directions and its residual; the initial state is eliminated."""
-    n, d, p = system.order, ways.A.shape[2], len(system.C)
     e, x0, O = _started(system, experiment, len(experiment.y))
     # The initial state acts as an impulse on an additional input, one sample earlier.
     u = np.vstack([np.zeros((1, experiment.u.shape[1])), experiment.u])
     u = np.column_stack([u, np.eye(1, len(u))[0]])
-    dB = np.concatenate([ways.B, np.zeros((n, 1, d))], axis=1)
-    dD = np.concatenate([ways.D, np.zeros((p, 1, d))], axis=1)
-    J = tangents(system.A, np.column_stack([system.B, x0]), system.C, u, ways.A, dB, ways.C, dD)[1:]
+    start = np.concatenate([x0, np.zeros(len(system.C))])
+    S, dS = np.column_stack([system.block, start]), np.pad(ways.S, ((0, 0), (0, 1), (0, 0)))
+    J = tangents(S, dS, u)[1:]
     J[~experiment.there] = 0.0
-    flat = J.reshape(-1, d)
+    flat = J.reshape(-1, dS.shape[2])
     flat[: len(O)] -= O @ solved(O.T @ O, O.T @ flat[: len(O)])
     return flat, e.ravel()
 
 
 def directions(system: Affine, fixed: Bool[np.ndarray, "p m1"]) -> Directions:
     """Return the directions that change the system's behaviour, orthogonal to changes of state coordinates and their origin."""
-    (n, m1), p, eye = system.B.shape, len(system.C), np.eye(system.order)
-    constant = int(np.flatnonzero(~fixed.all(axis=0))[-1])
-    sizes = [n * n, n * m1, p * n, p * m1]
-    at_B, at_C, at_D, end = np.cumsum(sizes)
-    # State coordinates dx = Xx change A by XA - AX, B by XB and C by -CX.
-    gauge = np.zeros((end, n * n + n))
-    gauge[:at_B, : n * n] = np.kron(eye, system.A.T) - np.kron(system.A, eye)
-    gauge[at_B:at_C, : n * n], gauge[at_C:at_D, : n * n] = np.kron(eye, system.B.T), -np.kron(system.C, eye)
-    gauge[at_B + constant : at_C : m1, n * n :], gauge[at_D + constant :: m1, n * n :] = eye - system.A, -system.C
-    free = np.concatenate([np.ones(at_D, dtype=bool), ~fixed.ravel()])
-    ways = np.zeros((end, int(free.sum()) - n * n - n))
-    ways[free] = np.linalg.qr(gauge[free], mode="complete")[0][:, n * n + n :]
-    A, B, C, D = np.split(ways, [at_B, at_C, at_D])
-    return Directions(A=A.reshape(n, n, -1), B=B.reshape(n, m1, -1), C=C.reshape(p, n, -1), D=D.reshape(p, m1, -1))
+    n, S, constant = system.order, system.block, system.order + int(np.flatnonzero(~fixed.all(axis=0))[-1])
+    at = np.arange(S.size).reshape(S.shape)
+    free = np.concatenate([at[:n, :n].ravel(), at[:n, n:].ravel(), at[n:, :n].ravel(), at[n:, n:][~fixed]])
+    # State coordinates dx = Xx change S by [X 0; 0 0] S - S [X 0; 0 0], a shift of the origin the offsets.
+    turn, shift = np.zeros((*S.shape, n, n)), np.zeros((*S.shape, n))
+    turn[:n] += np.einsum("ai,jc->acij", np.eye(n), S[:n])
+    turn[:, :n] -= np.einsum("jb,ri->rbij", np.eye(n), S[:, :n])
+    shift[:, constant] = np.eye(len(S), n) - S[:, :n]
+    gauge = np.concatenate([turn.reshape(S.size, n * n), shift.reshape(S.size, n)], axis=1)[free]
+    ways = np.zeros((S.size, len(free) - n * n - n))
+    ways[free] = np.linalg.qr(gauge, mode="complete")[0][:, n * n + n :]
+    return Directions(S=ways.reshape(*S.shape, -1))
 
 
 def _lasting(system: Affine, steps: int) -> int:
