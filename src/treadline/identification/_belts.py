@@ -96,11 +96,6 @@ class DifferentialInput:
             input_count=1,
         )
 
-    def alike(self, records: Sequence[InputOutputRecord], units: Units) -> Units:
-        """Return the units of the belts with the deviation of their difference for both, so that one belt may be constant."""
-        of_input = self.units(self.difference(records), units).scale[:1]
-        return replace(units, scale=np.concatenate([np.repeat(of_input, 2), units.output_scale]))
-
     def model(self, model: LinearModel, about: Float[np.ndarray, " 2"]) -> LinearModel:
         """Return the model with both belts as inputs.
 
@@ -119,14 +114,11 @@ class DifferentialInput:
             provenance={**model.provenance, "inputs": "difference"},
         )
 
-    def intervals(self, intervals: ConfidenceIntervals, units: Units) -> ConfidenceIntervals:
-        """Return the intervals of the model with both belts as inputs.
-
-        Args:
-            intervals: Intervals of the model of the difference.
-            units: Units of the belts.
-        """
-        return intervals.through(self.signs * units.input_scale / intervals.units.input_scale[:, None], units)
+    def intervals(self, intervals: ConfidenceIntervals) -> ConfidenceIntervals:
+        """Return the intervals of the model with both belts as inputs, in the unit of the difference."""
+        units = intervals.units
+        both = Units(shift=np.append(0.0, units.shift), scale=np.append(units.input_scale, units.scale), input_count=2)
+        return intervals.through(self.signs, both)
 
 
 def find_differential_input(

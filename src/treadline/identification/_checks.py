@@ -1,6 +1,7 @@
 """Checks of a record before identification: channels, units, gaps and excitation."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.linalg import lapack
@@ -16,26 +17,32 @@ FEW_SAMPLES = 4.0
 """New information, in samples, below which an order counts as poorly excited."""
 
 
-def check_records(records: list[InputOutputRecord], *, parts: bool = False, inputs: bool = True) -> Units:
+def check_records(records: list[InputOutputRecord], *, parts: bool = False) -> Units:
     """Check that the records hold finite numbers, agree in channels and period, and vary; return their units.
 
     ``check_independent`` tests the Gram matrix for inputs that move together.
 
     Args:
         parts: Whether the records are parts of longer ones; the share of gaps is then checked on the whole record.
-        inputs: Whether each input must vary.
 
     Raises:
         RecordError: With the record, the column and the number.
         PeriodMismatch: If records have different periods.
     """
     check_alike(records, parts=parts)
-    names, m = channel_names(records[0]), records[0].u.shape[1]
-    units = units_of(records)
-    for j, (name, deviation) in enumerate(zip(names, units.scale, strict=True)):
-        if not deviation > 1e-12 * abs(float(units.shift[j])) and (inputs or j >= m):
-            kind = "input" if j < m else "output"
-            error = DependentInputs if j < m else PoorExcitation
+    return units_of_moving(records)
+
+
+def units_of_moving(records: Sequence[InputOutputRecord]) -> Units:
+    """Return the units of records that have been checked to be alike.
+
+    Raises:
+        PoorExcitation: If a channel is constant; for an input ``DependentInputs``.
+    """
+    units, m = units_of(records), records[0].u.shape[1]
+    for j, (name, deviation) in enumerate(zip(channel_names(records[0]), units.scale, strict=True)):
+        if not deviation > 1e-12 * abs(float(units.shift[j])):
+            error, kind = (DependentInputs, "input") if j < m else (PoorExcitation, "output")
             raise error(f"{kind} '{name}' is constant; give a record in which it moves")
     return units
 

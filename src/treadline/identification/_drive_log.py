@@ -56,15 +56,11 @@ def examine(log: DriveLog, *, name_prior: bool = True) -> LogFindings:
         name_prior: Whether the channels' names may identify belts, headings and yaw rates.
     """
     tested = log.records if log.differential is None else log.differential.difference(log.records)
-    bounds = _heading_over_yaw_rate(tested)
-    is_integral = _is_integral(tested, bounds)
+    is_integral, integrator = _integrator(tested)
     has_feedback, feedback = _feedback(tested, name_prior=name_prior, is_integral=is_integral)
     static, is_feedback = _static(tested, name_prior=name_prior)
-    lines = [*log.findings, *feedback, *_single_frequencies(tested), *static]
-    if name_prior:
-        lines.extend(_integrator(tested, bounds))
     return LogFindings(
-        lines=tuple(lines),
+        lines=(*log.findings, *feedback, *_single_frequencies(tested), *static, *(integrator if name_prior else ())),
         has_feedback=has_feedback or is_feedback,
         is_table=bool(static) and not is_feedback,
         is_integral=is_integral,
@@ -251,54 +247,33 @@ def _sinusoid(signal: Float[np.ndarray, " T"]) -> tuple[float, float]:
     return 1.0 - float(np.sum(_residual(np.column_stack([np.cos(angle), np.sin(angle)]), x[:, None]) ** 2)) / energy, at / count
 
 
-def _integrator(records: Sequence[InputOutputRecord], bounds: Float[np.ndarray, " 2"] | None) -> Iterator[str]:
-    """Yield a finding if a heading is not the integral of the yaw rate of the same record, or was wrapped."""
-    names, turn = channel_names(records[0])[records[0].u.shape[1] :], turn_channels(records[0].output_names)
-    if turn.heading is None or not names[turn.heading].endswith(("_rad", "_deg")):
-        return
-    heading = f"'{names[turn.heading]}'"
-    full = np.pi / radians(names[turn.heading])
-    jumps = sum(int(np.sum(np.abs(np.diff(record.y[:, turn.heading])) > full)) for record in records)
+def _integrator(records: Sequence[InputOutputRecord]) -> tuple[bool, list[str]]:
+    """Return whether the heading may be the yaw rate's integral, and a finding if it was wrapped, or is not."""
+    names, turn = records[0].output_names, turn_channels(records[0].output_names)
+    if turn.heading is None:
+        return True, []
+    heading, unit = names[turn.heading], radians(names[turn.heading])
+    bounds = None if turn.yaw_rate is None else _heading_over_yaw_rate(records, turn.heading, turn.yaw_rate)
+    is_integral = turn.yaw_rate is None or (bounds is not None and bounds[0] < 1.0 + TOLERANCE and bounds[1] > 1.0 - TOLERANCE)
+    jumps = sum(int(np.sum(np.abs(np.diff(record.y[:, turn.heading])) * unit > np.pi)) for record in records)
+    if not heading.endswith(("_rad", "_deg")):
+        return is_integral, []
     if jumps:
-        yield (
-            f"wrapped angle: {heading} jumps by half a turn or more at {jumps} rows; unwrap it (numpy.unwrap) and name it"
-            "_unwrapped_rad"
-        )
-        return
-    if bounds is not None and (bounds[1] < 1.0 - TOLERANCE or bounds[0] > 1.0 + TOLERANCE):
-        yield (
-            f"integrator: {heading} changes by {bounds[0]:.2g} to {bounds[1]:.2g} of the yaw rate's integral, not by 1: check "
-            "units, signs, the period and the order of the rows"
-        )
+        remedy = "unwrap it (numpy.unwrap) and name it _unwrapped_rad"
+        return is_integral, [f"wrapped angle: '{heading}' jumps by half a turn or more at {jumps} rows; {remedy}"]
+    if is_integral or bounds is None:
+        return is_integral, []
+    return False, [
+        f"integrator: '{heading}' changes by {bounds[0]:.2g} to {bounds[1]:.2g} of the yaw rate's integral, not by 1: check "
+        "units, signs, the period and the order of the rows"
+    ]
 
 
-def _is_integral(records: Sequence[InputOutputRecord], bounds: Float[np.ndarray, " 2"] | None) -> bool:
-    turn = turn_channels(records[0].output_names)
-    if turn.heading is None or turn.yaw_rate is None:
-        return True
-    return bounds is not None and bool(bounds[0] < 1.0 + TOLERANCE and bounds[1] > 1.0 - TOLERANCE)
-
-
-def _heading_over_yaw_rate(records: Sequence[InputOutputRecord]) -> Float[np.ndarray, " 2"] | None:
-    """Return bounds of the heading's change per integral of the yaw rate; None for other channels, or unrelated ones.
+def _heading_over_yaw_rate(records: Sequence[InputOutputRecord], heading: int, yaw_rate: int) -> tuple[float, float] | None:
+    """Return bounds of the heading's change per integral of the yaw rate over ten rows; None for unrelated channels.
 
     The regressions either way bound the ratio when both channels are noisy (Frisch, 1934).
     """
-    names, turn = records[0].output_names, turn_channels(records[0].output_names)
-    if turn.heading is None or turn.yaw_rate is None:
-        return None
-    z = _changes(records, turn.heading, turn.yaw_rate)
-    if len(z) < ROWS_PER_PARAMETER:
-        return None
-    (changed, cross), (_, turned) = np.cov(z.T)
-    if not chdtrc(1, len(z) * cross**2 / max(changed * turned, 1e-300)) < SIGNIFICANCE:
-        return None
-    unit = radians(names[turn.heading]) / radians(names[turn.yaw_rate])
-    return np.asarray(np.sort([cross / turned, changed / cross]) * unit)
-
-
-def _changes(records: Sequence[InputOutputRecord], heading: int, yaw_rate: int) -> Float[np.ndarray, "N 2"]:
-    """Return the heading's changes over ten rows, and the integral of the yaw rate over them."""
     parts = []
     for record in records:
         # Each ten rows are integrated by themselves, so that a gap costs one of them.
@@ -306,4 +281,12 @@ def _changes(records: Sequence[InputOutputRecord], heading: int, yaw_rate: int) 
         changes = np.diff(record.y[::TESTED_LAGS, heading])
         parts.append(np.column_stack([changes, turns[: TESTED_LAGS * len(changes)].reshape(-1, TESTED_LAGS).sum(axis=1)]))
     z = np.concatenate(parts)
-    return np.asarray(z[np.isfinite(z).all(axis=1)])
+    z = z[np.isfinite(z).all(axis=1)]
+    if len(z) < ROWS_PER_PARAMETER:
+        return None
+    (changed, cross), (_, turned) = np.cov(z.T)
+    if not chdtrc(1, len(z) * cross**2 / max(changed * turned, 1e-300)) < SIGNIFICANCE:
+        return None
+    unit = radians(records[0].output_names[heading]) / radians(records[0].output_names[yaw_rate])
+    low, high = sorted((cross / turned * unit, changed / cross * unit))
+    return float(low), float(high)

@@ -19,16 +19,17 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.special import betaincinv
 
-from treadline.core.arrays import markov_parameters
+from treadline.core.arrays import finite_or_none, markov_parameters
 from treadline.core.errors import PoorExcitation
+from treadline.core.linear_systems import most_recent
 from treadline.identification._affine import DECAYED, Affine, stabilised
 from treadline.identification._decaying_ridge import DECAYS, decaying_ridge
-from treadline.identification._fitting import Fitting, last_samples
+from treadline.identification._fitting import CandidateScore, Fitting
 from treadline.identification._limits import LAGS_MOST, RECENT, SIGNIFICANCE
 from treadline.identification._model_order import bic_order
 from treadline.identification._modes import Experiment, with_inputs_again
 from treadline.identification._realisation import StateMap, pbsid, state_map
-from treadline.identification._refine import fair_residual, refined, residual
+from treadline.identification._refine import experiments_of, fair_residual, refined, residual
 
 ORDERS_TRIED = 12
 """Orders per decay, spread evenly over the range: 1 to 12, or from half to one and a half times the order of smallest BIC."""
@@ -62,14 +63,12 @@ class Member:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Ensemble:
-    """Members with their distances from the median, and the model made of the nearest."""
+    """Model made of the medoid, or of the member of smallest order that the data do not distinguish from it."""
 
-    members: Sequence[Member]
-    distances: Float[np.ndarray, " members"]
-    chosen: Member
-    """The medoid, or the member of smallest order that the data do not distinguish from it."""
+    candidates: Sequence[CandidateScore]
+    """Members, nearest to the median first."""
+    order: int
     system: Affine
-    """Model made of the chosen member."""
     step: str
     """Last fitting step of the model: ``subspace``, ``inputs-again`` or ``output-error``."""
     explained: Bool[np.ndarray, " p"]
@@ -87,7 +86,8 @@ def ensemble(fitting: Fitting, orders: Sequence[int] | None, on_progress: Callab
     Raises:
         PoorExcitation: If no order has a model.
     """
-    experiments = last_samples(fitting.experiments, VALUES_MOST // len(fitting.data.units.output_scale))
+    units = fitting.data.units
+    experiments = experiments_of(most_recent(fitting.records, VALUES_MOST // len(units.output_scale)), units)
     found: list[tuple[float, Affine]] = []
     for decay in DECAYS:
         on_progress(f"models with a prior that decays by {decay:g} a lag")
@@ -112,7 +112,22 @@ def ensemble(fitting: Fitting, orders: Sequence[int] | None, on_progress: Callab
     explained = _explained(experiments, system)
     if not explained.all():
         system = replace(system, C=system.C * explained[:, None], D=system.D * explained[:, None], K=None)
-    return Ensemble(members=members, distances=distances, chosen=chosen, system=system, step=step, explained=explained)
+    return _made(members, distances, chosen, system, step, explained)
+
+
+def _made(
+    members: Sequence[Member],
+    distances: Float[np.ndarray, " members"],
+    chosen: Member,
+    system: Affine,
+    step: str,
+    explained: Bool[np.ndarray, " p"],
+) -> Ensemble:
+    nearest = sorted(zip(members, distances.tolist(), strict=True), key=lambda item: item[1])
+    candidates = [
+        CandidateScore(order=one.order, decay=one.decay, distance=finite_or_none(far), chosen=one is chosen) for one, far in nearest
+    ]
+    return Ensemble(candidates=candidates, order=chosen.order, system=system, step=step, explained=explained)
 
 
 def _realised(fitting: Fitting, decay: float, orders: Sequence[int] | None) -> Iterator[Affine]:
@@ -183,10 +198,7 @@ def _unstable(fitting: Fitting, found: Sequence[tuple[float, Affine]]) -> Ensemb
     members = [Member(order=system.order, decay=decay, realised=system, system=system, run=np.empty(0)) for decay, system in found]
     distances = _from_median(_impulses(fitting, [system for _, system in found], fitting.data.lags + 1))
     medoid = members[int(np.argmin(distances))]
-    all_of_them = np.ones(len(medoid.system.C), dtype=np.bool_)
-    return Ensemble(
-        members=members, distances=distances, chosen=medoid, system=medoid.system, step="subspace", explained=all_of_them
-    )
+    return _made(members, distances, medoid, medoid.system, "subspace", np.ones(len(medoid.system.C), dtype=np.bool_))
 
 
 def _checked(fitting: Fitting, experiments: Sequence[Experiment], medoid: Member, length: float) -> tuple[Affine, str]:

@@ -48,20 +48,17 @@ class HankelSvd:
         return self._whole[1]
 
     def leading(self, order: int) -> Triplets:
-        """Return the leading singular values and vectors.
+        """Return O = U S^½, the singular values and R = S^½ V' of the leading part of H, its balanced factors.
 
         Raises:
             PoorExcitation: If the order is above the rank.
         """
         U, s, Vt = self._whole
-        if order > s.size or s[order - 1] <= ROUNDING * s[0]:
-            raise self.refusal(order)
-        return U[:, :order], s[:order], Vt[:order]
-
-    def refusal(self, order: int) -> PoorExcitation:
-        """Return the error for an order above the rank."""
-        rank = int(np.sum(self.s > ROUNDING * self.s[0]))
-        return PoorExcitation(f"order {order} is above the rank {rank} of the Hankel matrix; ask for {rank} or less")
+        rank = int(np.sum(s > ROUNDING * s[0]))
+        if order > rank:
+            raise PoorExcitation(f"order {order} is above the rank {rank} of the Hankel matrix; ask for {rank} or less")
+        root = np.sqrt(s[:order])
+        return U[:, :order] * root, s[:order], root[:, None] * Vt[:order]
 
     @cached_property
     def _whole(self) -> Triplets:
@@ -92,9 +89,8 @@ class HankelSvd:
 
     def system_matrix(self, order: int) -> Float[np.ndarray, "n n"]:
         """Return A of the balanced realisation: S^-½ U' H' V S^-½."""
-        U, s, Vt = self.leading(order)
-        root = np.sqrt(s)
-        left, right = (U / root).T, Vt.T / root
+        O, s, R = self.leading(order)
+        left, right = (O / s).T, R.T / s
         if self._is_dense:
             return left @ (hankel(self.markov, self.rows, self.columns, 1) @ right)
         return left @ hankel_times(self.markov[1:], self.rows, right)
@@ -161,9 +157,7 @@ def realise(svd: HankelSvd, order: int) -> tuple[Float[np.ndarray, "n n"], Float
     Raises:
         PoorExcitation: If the order is above the rank of the data.
     """
-    U, s, Vt = svd.leading(order)
-    root = np.sqrt(s)
-    observability, controllability = U * root, root[:, None] * Vt
+    observability, _, controllability = svd.leading(order)
     _, p, m = svd.markov.shape
     return svd.system_matrix(order), controllability[:, :m], observability[:p]
 

@@ -8,7 +8,7 @@ Last fitting steps of a model:
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,20 +16,14 @@ from jaxtyping import Bool, Float
 from scipy.linalg import solve_discrete_are
 
 from treadline.core.linear_systems import most_recent
-from treadline.core.models import InputOutputRecord
-from treadline.identification._affine import Affine
+from treadline.core.models import InputOutputRecord, LinearModel
+from treadline.core.state_space import Provenance
+from treadline.identification._affine import Affine, to_model
 from treadline.identification._era import HankelSvd
 from treadline.identification._gram import Gram, gram_of
-from treadline.identification._model_order import bic_order
 from treadline.identification._modes import Experiment
-from treadline.identification._okid import ObserverMarkov, regression, scaled_observer
-from treadline.identification._realisation import StateMap, block_rows, markov_svd, pbsid, realised, state_map
-from treadline.identification._refine import (
-    Directions,
-    experiments_of,
-    predictors_of,
-    refit,
-)
+from treadline.identification._okid import ObserverMarkov
+from treadline.identification._refine import Directions, experiments_of, predictors_of, refit
 
 GAIN_SAMPLES = 5_000
 """Number of most recent samples used to fit the innovation gain: a hundred for each of its entries, or nearly so."""
@@ -44,25 +38,24 @@ RECORD_PER_LAG = 10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Candidate:
-    """How a model was fitted: method, lags, order and last fitting step."""
+class CandidateScore:
+    """Member of the ensemble of ``best`` and its distance from the median."""
 
-    method: str
-    """``okid-era``, ``pbsid`` or ``deconvolution``."""
-    lags: int
     order: int
-    step: str = "subspace"
+    decay: float
+    """Ratio of prior variances of successive lags."""
+    distance: float | None
+    """Squared distance from the median free run and impulse response, relative to their size; None for a diverging model."""
+    chosen: bool
 
 
-@dataclass(kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Fitting:
     """Data of a fit, with the intermediate results that models share."""
 
     data: Gram
     records: Sequence[InputOutputRecord]
     feedthrough: bool
-    _observers: dict[int, tuple[ObserverMarkov, HankelSvd]] = field(default_factory=dict)
-    _maps: dict[int, StateMap] = field(default_factory=dict)
 
     @property
     def fixed(self) -> Bool[np.ndarray, "p m1"]:
@@ -90,60 +83,26 @@ class Fitting:
         return gram_of(self.records, lags, self.data.units)
 
     def with_gain(self, system: Affine) -> Affine:
-        """Return the system with the innovation gain refitted to the one-step prediction, A, B, C and D kept."""
+        """Return the system with an innovation gain whose observer is stable, A, B, C and D kept.
+
+        The gain is refitted to the one-step prediction; of a large system it is its own, or a Kalman gain.
+        """
         n, p = system.order, len(system.C)
-        recent = experiments_of(most_recent(self.records, GAIN_SAMPLES), self.data.units)
-        runs = predictors_of(recent, least=GAIN_RUN)
-        if not runs:  # gaps leave no long run; a stable free-run model has innovation gain zero
-            return replace(system, K=np.zeros((n, p))) if system.radius < 1.0 else system
-        # An observer slower than this limit and than the plant forgets a wrong initial state too late.
-        slowest = max(SLOWEST_OBSERVER, system.radius) if system.radius < 1.0 - 1.0 / len(runs[0].y) else SLOWEST_OBSERVER
+        runs, slowest = [], 1.0
+        if n * p <= GAIN_ENTRIES:
+            runs = predictors_of(experiments_of(most_recent(self.records, GAIN_SAMPLES), self.data.units), least=GAIN_RUN)
+            if not runs:  # gaps leave no long run; a stable free-run model has innovation gain zero
+                return replace(system, K=np.zeros((n, p))) if system.radius < 1.0 else system
+            # An observer slower than this limit and than the plant forgets a wrong initial state too late.
+            slowest = max(SLOWEST_OBSERVER, system.radius) if system.radius < 1.0 - 1.0 / len(runs[0].y) else SLOWEST_OBSERVER
         start = next((one for one in _observed(system) if one.predictor().radius <= min(slowest, 1.0 - 1e-6)), None)
-        if start is None:
-            return system
+        if start is None or not runs:
+            return start or system
         # K enters the predictor through A - KC, B - KD and K.
         k = np.eye(n * p).reshape(n, p, n * p)
         change = np.einsum("npk,pj->njk", k, -system.block[n:])
         ways = Directions(S=np.pad(np.concatenate([change, k], axis=1), ((0, p), (0, 0), (0, 0))))
         return Affine.of_predictor(refit(start.predictor(), runs, lambda _: ways, ceiling=slowest))
-
-    def observable(self, system: Affine) -> Affine:
-        """Return the system with an innovation gain whose observer is stable.
-
-        The gain is refitted, or, of a large system, its own or a Kalman gain.
-        """
-        if system.order * len(system.C) <= GAIN_ENTRIES:
-            return self.with_gain(system)
-        if system.K is not None and system.predictor().radius < 1.0:
-            return system
-        return replace(system, K=_kalman_gain(system))
-
-    def subspace(self, method: str, lags: int, order: int) -> Affine:
-        """Return the subspace model from the Gram matrix alone.
-
-        Raises:
-            PoorExcitation: If the order is above the rank of the data.
-        """
-        if method == "pbsid":
-            return pbsid(self.data, self._state_map(lags), order, lags, feedthrough=self.feedthrough)
-        return realised(*self.observer(lags, order), order)
-
-    def observer(self, lags: int, order: int | None) -> tuple[ObserverMarkov, HankelSvd]:
-        """Return OKID's observer in standard deviations and its Hankel matrix, long enough for an order."""
-        if lags not in self._observers or self._observers[lags][1].rows < block_rows(self._observers[lags][0], order):
-            observer = scaled_observer(self.data, lags, feedthrough=self.feedthrough)
-            self._observers[lags] = observer, markov_svd(observer, order)
-        return self._observers[lags]
-
-    def bic_order(self, lags: int, allowed: Sequence[int] | None = None) -> int:
-        """Return the PBSID order with the smallest BIC, of all or of those allowed."""
-        return bic_order(self.data, self._state_map(lags), lags, feedthrough=self.feedthrough, allowed=allowed)
-
-    def _state_map(self, lags: int) -> StateMap:
-        if lags not in self._maps:
-            theta = regression(self.data, lags, feedthrough=self.feedthrough).theta
-            self._maps[lags] = state_map(self.data, lags, theta)
-        return self._maps[lags]
 
 
 def _observed(system: Affine) -> Iterator[Affine]:
@@ -165,11 +124,37 @@ def _kalman_gain(system: Affine) -> Float[np.ndarray, "n p"] | None:
     return np.asarray(system.A @ P @ system.C.T @ np.linalg.inv(system.C @ P @ system.C.T + R))
 
 
-def last_samples(experiments: Sequence[Experiment], samples: int) -> list[Experiment]:
-    """Return the experiments cut to the last samples."""
-    kept: list[Experiment] = []
-    for item in reversed(experiments):
-        if samples > 0:
-            kept.insert(0, item.part(max(0, len(item.y) - samples), len(item.y)))
-            samples -= len(item.y)
-    return kept
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Evidence:
+    """Structure of the data before a model is fitted."""
+
+    lags: int
+    observer: ObserverMarkov
+    """OKID's observer in standard deviations."""
+    svd: HankelSvd
+    structural: int | None
+    """Largest order possible with the observer's lags; None for noise-free data."""
+    noise: float | None
+    """Largest singular value of noise alone; None for a given order."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FittedSystem:
+    """Fitted system in standard deviations, with the data and choices that led to it."""
+
+    fitting: Fitting
+    evidence: Evidence
+    subspace: str
+    """``okid-era``, ``pbsid``, ``deconvolution`` or ``by names``."""
+    lags: int
+    order: int
+    system: Affine
+    step: str = "subspace"
+    candidates: Sequence[CandidateScore] = ()
+    """Members of the ensemble, nearest to the median first."""
+    warnings: Sequence[str] = ()
+
+    def model(self, method: str, names: tuple[str, ...]) -> LinearModel:
+        """Return the model in the record's units; its provenance has method, order, lags and last step."""
+        provenance: Provenance = {"method": method, "order": self.order, "lags": self.lags, "step": self.step}
+        return to_model(self.system, self.fitting.data.units, self.fitting.data.dt_s, names, provenance)

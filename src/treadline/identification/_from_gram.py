@@ -16,11 +16,12 @@ from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification._affine import to_model
 from treadline.identification._checks import channel_names, check_excitation, check_independent, check_integers, check_records
 from treadline.identification._deconvolution import observer_of
-from treadline.identification._ensemble import Ensemble, ensemble
-from treadline.identification._fitting import Candidate, Fitting
+from treadline.identification._ensemble import ensemble
+from treadline.identification._fitting import Evidence, FittedSystem, Fitting
 from treadline.identification._gram import Gram, Units, gram_of
-from treadline.identification._identified import Evidence, FittedSystem
 from treadline.identification._model_order import (
+    OrderChoice,
+    bic_order,
     choose_structure,
     no_system,
     noise_level,
@@ -28,8 +29,8 @@ from treadline.identification._model_order import (
     stands_out,
     structural_order,
 )
-from treadline.identification._okid import ObserverMarkov, observer_markov, regression
-from treadline.identification._realisation import BLOCKS_LEAST, realised, state_map
+from treadline.identification._okid import ObserverMarkov, observer_markov, regression, scaled_observer
+from treadline.identification._realisation import BLOCKS_LEAST, StateMap, markov_svd, realised, state_map
 from treadline.identification._realisation import pbsid as realised_by_pbsid
 from treadline.identification._refine import cost
 from treadline.identification._threads import one_thread
@@ -37,11 +38,6 @@ from treadline.identification.options import IdentificationOptions, max_supporte
 
 EXACT_RUN = 1e-6
 """Squared free-run error relative to the variance below which data count as free of noise: a thousandth of the deviation."""
-
-
-def provenance_of(method: str, candidate: Candidate) -> dict[str, str | float]:
-    """Return the provenance entries of a model: method, order, lags and last step."""
-    return {"method": method, "order": candidate.order, "lags": candidate.lags, "step": candidate.step}
 
 
 def data_of(records: Sequence[InputOutputRecord], options: IdentificationOptions, units: Units) -> Gram:
@@ -77,7 +73,7 @@ def from_gram(
     """
     order, allowed, collected = options.given_order, options.allowed_orders, list(warnings)
     if method == "deconvolution":
-        return _by_deconvolution(Fitting(data=data, records=records, feedthrough=True), order, allowed, collected)
+        return _by_deconvolution(data, records, options, collected)
     check_independent(data, channel_names(records[0]))
     used, has_d = choose_structure(data, options.lags, options.feedthrough, is_model=method == "okid-era")
     if records_are_complete and data.dropped and used < data.lags and method != "best":
@@ -87,22 +83,21 @@ def from_gram(
         check_excitation(data, order or min(allowed or [1]))
     fitting = Fitting(data=data, records=records, feedthrough=has_d)
     evidence = _evidence_of(fitting, used, options)
-    exact = _exact(fitting, evidence, options, collected) if method == "best" and evidence.structural is None else None
-    if exact is not None:
-        found = exact
-    elif method == "best":
-        found = _by_ensemble(fitting, evidence, allowed if order is None else [order], collected, on_progress)
+    if method == "best":
+        exact = _exact(fitting, evidence, options, collected) if evidence.structural is None else None
+        found = exact or _by_ensemble(fitting, evidence, allowed if order is None else [order], collected, on_progress)
     else:
-        found = _by_method(fitting, evidence, method, options, collected)
+        found = (_by_pbsid if method == "pbsid" else _by_okid)(fitting, evidence, options, collected)
     if data.dropped:
         collected.append(f"{data.dropped} windows with a NaN were left out, {data.count:.0f} are used")
     return found
 
 
 def _evidence_of(fitting: Fitting, lags: int, options: IdentificationOptions) -> Evidence:
-    observer, svd = fitting.observer(lags, options.largest_order)
+    observer = scaled_observer(fitting.data, lags, feedthrough=fitting.feedthrough)
+    svd = markov_svd(observer, options.largest_order)
     noise = noise_level(observer, svd) if options.given_order is None else None
-    return Evidence(lags=lags, svd=svd, structural=structural_order(observer), noise=noise)
+    return Evidence(lags=lags, observer=observer, svd=svd, structural=structural_order(observer), noise=noise)
 
 
 def _by_ensemble(
@@ -113,25 +108,23 @@ def _by_ensemble(
     noise = evidence.noise or 0.0
     if not stands_out(evidence.svd.s, noise):
         warnings.append(no_system(evidence.svd.s, noise))
-    warnings += _unexplained(found, channel_names(fitting.records[0])[fitting.data.units.input_count :])
-    candidate = Candidate(method="pbsid", lags=fitting.data.lags, order=found.chosen.order, step=found.step)
+    names = channel_names(fitting.records[0])[fitting.data.units.input_count :]
+    for name, explained in zip(names, found.explained, strict=True):
+        if not explained:
+            warnings.append(
+                f"the inputs explain no more of '{name}' than chance does: the model predicts its mean; move the inputs more"
+            )
     return FittedSystem(
-        candidate=candidate,
-        system=fitting.observable(found.system),
         fitting=fitting,
         evidence=evidence,
-        ensemble=found,
+        subspace="pbsid",
+        lags=fitting.data.lags,
+        order=found.order,
+        system=fitting.with_gain(found.system),
+        step=found.step,
+        candidates=found.candidates,
         warnings=warnings,
     )
-
-
-def _unexplained(found: Ensemble, names: Sequence[str]) -> list[str]:
-    """Return a warning for each output whose response was shrunk to its mean."""
-    return [
-        f"the inputs explain no more of '{name}' than chance does: the model predicts its mean; move the inputs more"
-        for name, explained in zip(names, found.explained, strict=True)
-        if not explained
-    ]
 
 
 def _exact(fitting: Fitting, evidence: Evidence, options: IdentificationOptions, warnings: list[str]) -> FittedSystem | None:
@@ -139,48 +132,67 @@ def _exact(fitting: Fitting, evidence: Evidence, options: IdentificationOptions,
 
     An observer predicts smooth data a step ahead almost without error, whatever its model is worth.
     """
-    found = _by_method(fitting, evidence, "okid-era", options, warnings)
+    found = _by_okid(fitting, evidence, options, warnings)
     values = sum(int(item.there.sum()) * item.y.shape[1] for item in fitting.experiments)
     return found if cost(found.system, fitting.experiments) < EXACT_RUN * values else None
 
 
-def _by_method(
-    fitting: Fitting, evidence: Evidence, method: str, options: IdentificationOptions, warnings: list[str]
-) -> FittedSystem:
-    """Return the model by a single named method."""
-    used, svd, order = evidence.lags, evidence.svd, options.given_order
-    if order is None:
-        choice = settle_order(svd.s[: evidence.structural], evidence.noise or 0.0, warnings, options.allowed_orders)
-        order = choice.order
-        if method == "pbsid" and evidence.structural is not None:
-            used = min(max(used, BLOCKS_LEAST, order) if options.lags is None else used, fitting.data.lags)
-            order = fitting.bic_order(used, options.allowed_orders)
-            if order != choice.order:
-                gap = f"the largest gap of the singular values, {choice.gap:.1f}, is at order {choice.order}"
-                warnings.append(f"order {order} by BIC; {gap}")
-    if method == "pbsid" and options.lags is None:
-        used = min(max(used, BLOCKS_LEAST, order), fitting.data.lags)
-    candidate = Candidate(method=method, lags=used, order=order)
-    system = fitting.subspace(method, used, order)
-    if options.lags is None and method != "pbsid" and evidence.structural is not None:
+def _order(evidence: Evidence, options: IdentificationOptions, warnings: list[str]) -> OrderChoice:
+    return settle_order(evidence.svd.s[: evidence.structural], evidence.noise or 0.0, warnings, options.allowed_orders)
+
+
+def _by_okid(fitting: Fitting, evidence: Evidence, options: IdentificationOptions, warnings: list[str]) -> FittedSystem:
+    """Return the model by OKID and ERA."""
+    order = options.given_order or _order(evidence, options, warnings).order
+    system = realised(evidence.observer, evidence.svd, order)
+    if options.lags is None and evidence.structural is not None:
         # An observer with few lags restricts its gain, so the innovation gain is refitted separately.
         system = fitting.with_gain(system)
-    elif method == "pbsid" and not system.predictor().radius < 1.0:
-        system = fitting.observable(system)
-    return FittedSystem(candidate=candidate, system=system, fitting=fitting, evidence=evidence, warnings=warnings)
-
-
-def _by_deconvolution(fitting: Fitting, order: int | None, allowed: Sequence[int] | None, warnings: list[str]) -> FittedSystem:
-    """Return the ERA model of the impulse response by Eq. (9c)."""
-    data = fitting.data
-    fitting = replace(fitting, data=replace(data, units=replace(data.units, shift=np.zeros_like(data.units.shift))))
-    observer, svd = observer_of(fitting.records, fitting.data.units)
-    order = settle_order(svd.s, 0.0, warnings, allowed).order if order is None else order
     return FittedSystem(
-        candidate=Candidate(method="deconvolution", lags=0, order=order),
+        fitting=fitting, evidence=evidence, subspace="okid-era", lags=evidence.lags, order=order, system=system, warnings=warnings
+    )
+
+
+def _by_pbsid(fitting: Fitting, evidence: Evidence, options: IdentificationOptions, warnings: list[str]) -> FittedSystem:
+    """Return the model by PBSID; of open orders the one of smallest BIC, for data without noise that of the largest gap."""
+    data, has_d = fitting.data, fitting.feedthrough
+
+    def mapped(order: int) -> tuple[int, StateMap]:
+        lags = min(max(evidence.lags, BLOCKS_LEAST, order), data.lags) if options.lags is None else evidence.lags
+        return lags, state_map(data, lags, regression(data, lags, feedthrough=has_d).theta)
+
+    choice = None if options.given_order else _order(evidence, options, warnings)
+    order = choice.order if choice else options.given_order or 1
+    lags, states = mapped(order)
+    if choice is not None and evidence.structural is not None:
+        order = bic_order(data, states, lags, feedthrough=has_d, allowed=options.allowed_orders)
+        if order != choice.order:
+            gap = f"the largest gap of the singular values, {choice.gap:.1f}, is at order {choice.order}"
+            warnings.append(f"order {order} by BIC; {gap}")
+            lags, states = mapped(max(order, lags))
+    system = realised_by_pbsid(data, states, order, lags, feedthrough=has_d)
+    if not system.predictor().radius < 1.0:
+        system = fitting.with_gain(system)
+    return FittedSystem(
+        fitting=fitting, evidence=evidence, subspace="pbsid", lags=lags, order=order, system=system, warnings=warnings
+    )
+
+
+def _by_deconvolution(
+    data: Gram, records: Sequence[InputOutputRecord], options: IdentificationOptions, warnings: list[str]
+) -> FittedSystem:
+    """Return the ERA model of the impulse response by Eq. (9c)."""
+    data = replace(data, units=replace(data.units, shift=np.zeros_like(data.units.shift)))
+    observer, svd = observer_of(records, data.units)
+    evidence = Evidence(lags=0, observer=observer, svd=svd, structural=None, noise=None)
+    order = options.given_order or _order(evidence, options, warnings).order
+    return FittedSystem(
+        fitting=Fitting(data=data, records=records, feedthrough=True),
+        evidence=evidence,
+        subspace="deconvolution",
+        lags=0,
+        order=order,
         system=realised(observer, svd, order),
-        fitting=fitting,
-        evidence=Evidence(lags=0, svd=svd, structural=None, noise=None),
         warnings=warnings,
     )
 

@@ -8,7 +8,7 @@ to be subtracted.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -108,7 +108,8 @@ class Gram:
             np.savez(
                 file,
                 **{name: getattr(self, name) for name in _SAVED},
-                **{name: getattr(self.units, name) for name in _SAVED_UNITS},
+                **asdict(self.units),
+                sums=self.sums,
                 names=np.array(self.names, dtype=np.str_),
             )
 
@@ -121,57 +122,37 @@ class Gram:
         """
         try:
             with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
-                values = {name: file[name] for name in (*_SAVED, *_SAVED_UNITS)}
+                numbers = {name: file[name].item() for name in _SAVED}
+                units = Units(shift=file["shift"], scale=file["scale"], input_count=int(file["input_count"]))
                 names = tuple(str(name) for name in file["names"]) if "names" in file else ()
+                found = cls(units=units, sums=file["sums"], names=names, **numbers)
         except FileNotFoundError:
             raise LogFormatError(f"{path}: no such file") from None
-        except KeyError as error:
-            lacks = f"it lacks {str(error.args[0]).split(' ', maxsplit=1)[0]}"
+        except Exception as error:  # noqa: BLE001 - a damaged archive raises many kinds of exceptions
+            cause = str(error).strip("'\"").partition("\n")[0] or type(error).__name__
             raise LogFormatError(
-                f"{path}: not a saved Gram matrix: {lacks}; --update takes a file written by identify --gram"
+                f"{path}: not a saved Gram matrix: {cause}; --update takes a file written by identify --gram"
             ) from None
-        except IsADirectoryError:
-            raise LogFormatError(f"{path}: not a saved Gram matrix but a folder") from None
-        except Exception:  # noqa: BLE001 - a damaged archive raises many kinds of exceptions
-            raise LogFormatError(f"{path}: not a saved Gram matrix; write one with --gram") from None
-        if not _sound(values):
+        if not found._is_sound():
             raise LogFormatError(f"{path}: a Gram matrix with inconsistent parts; write it again with --gram")
-        return cls(
-            lags=int(values["lags"]),
-            units=Units(shift=values["shift"], scale=values["scale"], input_count=int(values["input_count"])),
-            dt_s=float(values["dt_s"]),
-            sums=values["sums"],
-            count=float(values["count"]),
-            dropped=int(values["dropped"]),
-            names=names,
+        return found
+
+    def _is_sound(self) -> bool:
+        """Whether the parts are finite and consistent in shape."""
+        r, width = len(self.units.scale), 1 + len(self.units.scale) * (self.lags + 1)
+        known = (self.dt_s, self.count, self.units.shift, self.units.scale, self.sums)
+        return bool(
+            all(np.isfinite(part).all() for part in known)
+            and min(self.lags, self.dt_s, self.count, self.dropped + 1, *self.units.scale) > 0
+            and 0 < self.units.input_count < r
+            and self.units.shift.shape == (r,)
+            and self.sums.shape == (width, width)
+            and np.allclose(self.sums, self.sums.T)
         )
 
 
-_SAVED, _SAVED_UNITS = ("lags", "dt_s", "sums", "count", "dropped"), ("shift", "scale", "input_count")
-
-
-def _sound(values: dict[str, np.ndarray]) -> bool:
-    """Whether the arrays of a saved Gram matrix are finite and consistent in shape."""
-    if not all(value.dtype.kind in "fiu" and np.isfinite(value).all() for value in values.values()):
-        return False
-    scalars = [values[name] for name in ("lags", "dt_s", "count", "dropped", "input_count")]
-    if any(value.ndim for value in scalars) or values["scale"].ndim != 1:
-        return False
-    lags, dt_s, count, dropped, inputs = (float(value) for value in scalars)
-    r, sums = len(values["scale"]), values["sums"]
-    width = 1 + r * (int(lags) + 1)
-    return bool(
-        lags >= 1
-        and dt_s > 0.0
-        and count > 0.0
-        and dropped >= 0.0
-        and 0 < inputs < r
-        and values["shift"].shape == (r,)
-        and (values["scale"] > 0.0).all()
-        and sums.shape == (width, width)
-        and sums.dtype == np.float64
-        and np.allclose(sums, sums.T)
-    )
+_SAVED = ("lags", "dt_s", "count", "dropped")
+"""Numbers of a Gram matrix in a file, next to its arrays."""
 
 
 class GramBuilder:

@@ -6,7 +6,6 @@ The report has fit, residual tests and warnings with numbers.
 import time
 from collections.abc import Sequence
 from contextlib import suppress
-from copy import copy
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -20,16 +19,15 @@ from treadline.core.model_scores import TESTED_SAMPLES_MIN, Comparison, compare
 from treadline.core.models import EXPLAINED, InputOutputRecord, LinearModel
 from treadline.core.printing import Printable, p_text, percent_text, plain
 from treadline.core.transfer_function import is_unstable, spectral_radius
-from treadline.identification._affine import Affine, of_model
+from treadline.identification._affine import of_model
 from treadline.identification._belts import DifferentialInput, turn_channels
 from treadline.identification._checks import FEW_SAMPLES, excitation_order, insufficient_excitation
 from treadline.identification._dead_time import without_delays
 from treadline.identification._dependent_inputs import DriveLog
 from treadline.identification._drive_log import LogFindings, examine
-from treadline.identification._ensemble import Ensemble
 from treadline.identification._era import HankelSvd
-from treadline.identification._fitting import Candidate, Fitting
-from treadline.identification._gram import Gram, Units
+from treadline.identification._fitting import CandidateScore, FittedSystem, Fitting
+from treadline.identification._gram import Gram, units_of
 from treadline.identification._limits import RECENT, ROUNDING
 from treadline.identification._model_order import gap_at
 from treadline.identification._pole_intervals import (
@@ -59,18 +57,6 @@ FIT_PERCENT_MIN = 10.0
 """Fit and variance accounted for [%] below which the model explains practically nothing."""
 COLLINEAR_VARIANCE = 0.15
 """Variance of the weakest input combination relative to one input's, below which inputs count as collinear (0.85 correlated)."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CandidateScore:
-    """Member of the ensemble of ``best`` and its distance from the median."""
-
-    order: int
-    decay: float
-    """Ratio of prior variances of successive lags."""
-    distance: float | None
-    """Squared distance from the median free run and impulse response, relative to their size; None for a diverging model."""
-    chosen: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -247,51 +233,7 @@ def bonferroni(p_values: Sequence[float | None]) -> float | None:
     return min(1.0, len(known) * min(known)) if known and len(known) == len(p_values) else None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Evidence:
-    """Structure of the data before a model is fitted."""
-
-    lags: int
-    svd: HankelSvd
-    structural: int | None
-    """Largest order possible with the observer's lags; None for noise-free data."""
-    noise: float | None
-    """Largest singular value of noise alone; None for a given order."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FittedSystem:
-    """Fitted system in standard deviations, with the data and choices that led to it."""
-
-    candidate: Candidate
-    system: Affine
-    fitting: Fitting
-    evidence: Evidence
-    warnings: Sequence[str]
-    ensemble: Ensemble | None = None
-
-    @property
-    def units(self) -> Units:
-        """Units of the system: offset and scale of each channel."""
-        return self.fitting.data.units
-
-
-def _members(found: Ensemble | None) -> list[CandidateScore]:
-    """Return the members of an ensemble, nearest to the median first."""
-    if found is None:
-        return []
-    order = np.argsort(found.distances, kind="stable")
-    return [
-        CandidateScore(
-            order=found.members[at].order,
-            decay=found.members[at].decay,
-            distance=finite_or_none(found.distances[at]),
-            chosen=found.members[at] is found.chosen,
-        )
-        for at in order.tolist()
-    ]
-
-
+@dataclass(kw_only=True, eq=False, repr=False)
 class Identified(ModelMethods, Printable):
     """Identified model with its methods; the report and the intervals are computed on first access.
 
@@ -305,53 +247,51 @@ class Identified(ModelMethods, Printable):
         (1, 'okid-era')
     """
 
-    def __init__(
-        self,
-        *,
-        model: LinearModel,
-        found: FittedSystem,
-        method: str,
-        fitted: Sequence[InputOutputRecord],
-        judged: Sequence[InputOutputRecord],
-        started: float,
-        gram: Gram,
-        log: DriveLog,
-        name_prior: bool = True,
-        differential: DifferentialInput | None = None,
-    ) -> None:
-        self._model = model
-        self.fitted = fitted
-        self.judged = judged
-        self.gram = gram
-        """Gram matrix of the data, from which a later identification can continue."""
-        self.svd = found.evidence.svd
+    free: LinearModel
+    """Model as fitted, without the share of each output's variance that it explains."""
+    found: FittedSystem
+    method: str
+    fitted: Sequence[InputOutputRecord]
+    judged: Sequence[InputOutputRecord]
+    gram: Gram
+    """Gram matrix of the data, from which a later identification can continue."""
+    log: DriveLog
+    seconds: float
+    """Time of the fit, without the report [s]."""
+    name_prior: bool = True
+    differential: DifferentialInput | None = None
+    """Belts of which the difference alone was fitted."""
+
+    @property
+    def svd(self) -> HankelSvd:
         """Decomposed Hankel matrix of the observer's system."""
-        self._found, self._method, self._differential = found, method, differential
-        self._log, self._name_prior = log, name_prior
-        self._is_structure = False
-        self._seconds = time.perf_counter() - started
+        return self.found.evidence.svd
+
+    @property
+    def _is_structure(self) -> bool:
+        return self.found.step == "structure"
 
     @cached_property
     def _compared(self) -> list[Comparison]:
-        return compared(self._model, self.judged)
+        return compared(self.free, self.judged)
 
     @cached_property
     def model(self) -> LinearModel:
         """The model; its provenance holds the share of each output's variance that it explains, which ``tune`` reads."""
-        return replace(self._model, provenance=self._model.provenance | {EXPLAINED: explained_percent(self._compared)})
+        return replace(self.free, provenance=self.free.provenance | {EXPLAINED: explained_percent(self._compared)})
 
     @cached_property
     @one_thread()
     def findings(self) -> LogFindings:
         """Findings about the records: feedback, single frequencies, tables, dependent inputs, headings against yaw rates."""
-        return examine(replace(self._log, records=list(self.fitted)), name_prior=self._name_prior)
+        return examine(replace(self.log, records=list(self.fitted)), name_prior=self.name_prior)
 
     @cached_property
     @one_thread()
     def _turn_fit(self) -> TurnFit | None:
-        if not self._name_prior or turn_channels(self.fitted[0].output_names).count == 0:
+        if not self.name_prior or turn_channels(self.fitted[0].output_names).count == 0:
             return None
-        belts = self._log.differential
+        belts = self.log.differential
         return turn_fit(self.fitted, is_difference=belts is not None, is_table=self.findings.is_table)
 
     @cached_property
@@ -359,8 +299,8 @@ class Identified(ModelMethods, Printable):
         """Yaw gain of the free model outside the interval of the fit by names; the result that takes the structure keeps it."""
         fit = self._turn_fit
         # A slow pole in place of the integrator spoils the gain of a named method late, where a controller does not need it.
-        rows = max(len(record) for record in self.fitted) if self._method == "best" else 0
-        return None if fit is None else contradiction(self._model, fit, rows)
+        rows = max(len(record) for record in self.fitted) if self.method == "best" else 0
+        return None if fit is None else contradiction(self.free, fit, rows)
 
     def _linear(self) -> LinearModel:
         return self.model
@@ -389,34 +329,32 @@ class Identified(ModelMethods, Printable):
     def intervals(self) -> ConfidenceIntervals | None:
         """Confidence intervals; None for data too short to estimate them. Dead time and input structure are assumed known."""
         result = self._intervals()
-        return result if result is None or self._differential is None else self._differential.intervals(result, self.gram.units)
+        return result if result is None or self.differential is None else self.differential.intervals(result)
 
     def _intervals(self) -> ConfidenceIntervals | None:
-        found = self._found
-        candidate, fitting = found.candidate, found.fitting
-        if candidate.method == "deconvolution" or candidate.step == "structure":
+        found, fitting, units = self.found, self.found.fitting, self.found.fitting.data.units
+        if found.subspace == "deconvolution" or self._is_structure:
             return None  # no error covariance is available for these
-        if candidate.method == "okid-era":
-            observer, svd = fitting.observer(candidate.lags, candidate.order)
+        if found.subspace == "okid-era":
             # Residuals of an observer may be correlated over further lags, which the covariance needs.
-            data = fitting.with_more_lags((1 + MEMORY_PER_LAG) * candidate.lags)
-            return of_observer(observer, svd, found.system, found.units, data)
-        if candidate.step == "subspace" and found.system.K is not None:
-            runs = fitting.predictors(4 * candidate.order + 4)
+            data = fitting.with_more_lags((1 + MEMORY_PER_LAG) * found.lags)
+            return of_observer(found.evidence.observer, found.evidence.svd, found.system, units, data)
+        if found.step == "subspace" and found.system.K is not None:
+            runs = fitting.predictors(4 * found.order + 4)
             if not runs:
                 return None
             # The Gram matrix of a stream or a prior covers more samples than are kept in memory.
             share = min(1.0, sum(len(run.y) for run in runs) / fitting.data.count)
-            result = of_predicting(found.system, runs, fitting.fixed, found.units)
+            result = of_predicting(found.system, runs, fitting.fixed, units)
             return None if result is None else result.narrowed(share)
-        return of_refined(found.system, fitting.experiments, fitting.fixed, found.units)
+        return of_refined(found.system, fitting.experiments, fitting.fixed, units)
 
     @cached_property
     @one_thread()
     def report(self) -> IdentificationReport:
         """Fit, validation, uncertainty and warnings of the identification."""
         started = time.perf_counter()
-        found, model = self._found, self.model
+        found, model = self.found, self.model
         support = excitation_order(found.fitting.data, samples=FEW_SAMPLES)
         fit = self._turn_fit
         warnings = [*self.findings.lines, *self._turn_warnings(), *found.warnings, *self._excitation_warning(support)]
@@ -424,15 +362,15 @@ class Identified(ModelMethods, Printable):
         radii = None if self.intervals is None else self.intervals.pole_radii()
         report = IdentificationReport(
             order=model.order,
-            lags=found.candidate.lags,
-            method=self._method,
-            subspace=found.candidate.method,
-            step=found.candidate.step,
+            lags=found.lags,
+            method=self.method,
+            subspace=found.subspace,
+            step=found.step,
             feedthrough=found.fitting.feedthrough,
-            mirrored=self._differential is not None,
+            mirrored=self.differential is not None,
             delays=list(model.input_delay),
             singular_values=[float(value) for value in found.evidence.svd.s],
-            gap=finite_or_none(gap_at(found.evidence.svd.s[: found.evidence.structural], found.candidate.order)),
+            gap=finite_or_none(gap_at(found.evidence.svd.s[: found.evidence.structural], found.order)),
             noise_level=None if found.evidence.noise is None else finite_or_none(found.evidence.noise),
             poles=[(float(pole.real), float(pole.imag)) for pole in poles],
             pole_ci95=None if radii is None else [float(radius) for radius in radii],
@@ -440,9 +378,9 @@ class Identified(ModelMethods, Printable):
             excitation_order=support,
             samples=round(found.fitting.data.count),
             dropped=found.fitting.data.dropped,
-            candidates=_members(found.ensemble),
+            candidates=list(found.candidates),
             warnings=warnings,
-            seconds=self._seconds + time.perf_counter() - started,
+            seconds=self.seconds + time.perf_counter() - started,
             skid_steer=None if fit is None else fit.described(),
         )
         return replace(report, warnings=[*warnings, *validation_warnings(report, model, self.fitted, self.judged)])
@@ -456,20 +394,21 @@ class Identified(ModelMethods, Printable):
         if not (self.findings.is_table or self._prefers(structured, fit)):
             return self
         moved = without_delays(self.fitted, structured.input_delay)
-        fitting = Fitting(data=self.gram, records=moved, feedthrough=fit.shift == 0)
-        system = of_model(structured, fitting.data.units)
+        units, fitting = units_of(moved), replace(self.found.fitting, feedthrough=fit.shift == 0)
+        inputs = np.maximum(units.input_scale, ROUNDING**0.5 * units.input_scale.max())  # one belt may be constant
+        units = replace(units, scale=np.append(inputs, units.output_scale))
+        system = of_model(structured, units)
         with suppress(np.linalg.LinAlgError):  # a table: no output shows the state
-            system = fitting.with_gain(system)
-        candidate = replace(self._found.candidate, method="by names", order=structured.order, step="structure")
+            system = Fitting(data=replace(self.gram, units=units), records=moved, feedthrough=fitting.feedthrough).with_gain(system)
         model = replace(
             structured,
-            observer_gain=None if system.K is None else system.K / fitting.data.units.output_scale,
-            provenance={"method": self._method, "order": structured.order, "step": candidate.step},
+            observer_gain=None if system.K is None else system.K / units.output_scale,
+            provenance={"method": self.method, "order": structured.order, "step": "structure"},
         )
-        result = copy(self)
-        found = replace(self._found, candidate=candidate, system=system, fitting=fitting)
-        vars(result).pop("_compared", None)
-        vars(result).update(_model=model, _found=found, _differential=None, _is_structure=True)
+        found = replace(self.found, subspace="by names", order=structured.order, step="structure", system=system, fitting=fitting)
+        result = replace(self, free=model, found=found, differential=None)
+        # What was found about the records, and about the free model, still holds.
+        vars(result).update({name: vars(self)[name] for name in ("findings", "_turn_fit", "_contradiction") if name in vars(self)})
         return result
 
     def _prefers(self, structured: LinearModel, fit: TurnFit) -> bool:
@@ -479,7 +418,7 @@ class Identified(ModelMethods, Printable):
         if self.findings.has_feedback and fit.belts is not None:
             return True
         is_large = self._contradiction is not None and self._contradiction.is_large
-        return fits_as_well(structured, self._model, self.fitted, is_large=is_large)
+        return fits_as_well(structured, self.free, self.fitted, is_large=is_large)
 
     def _turn_warnings(self) -> list[str]:
         """Return how the model's yaw gain agrees with the skid-steer fit."""
@@ -498,9 +437,9 @@ class Identified(ModelMethods, Printable):
 
     def _excitation_warning(self, support: int) -> list[str]:
         result = []
-        if self._log.differential is None:
-            result = collinearity_warnings(self.fitted, self.model.input_names, mirrored=self._differential is not None)
-        order = self._found.system.order
-        if support < order and support <= self._found.fitting.data.lags:
+        if self.log.differential is None:
+            result = collinearity_warnings(self.fitted, self.model.input_names, mirrored=self.differential is not None)
+        order = self.found.system.order
+        if support < order and support <= self.found.fitting.data.lags:
             result.append(f"poor excitation: {insufficient_excitation(support, order)}; give inputs that vary more")
         return result

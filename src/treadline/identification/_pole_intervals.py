@@ -62,7 +62,7 @@ class ConfidenceIntervals:
             units: Units with the new inputs.
         """
         # States and the constant stay as they are.
-        turn = block_diag(np.eye(self.system.order), mixing, 1.0)
+        turn = block_diag(np.eye(self.system.order), mixing, np.eye(1))
         ways = np.einsum("acd,cb->abd", self.ways.S, turn)
         return ConfidenceIntervals(system=self.system.with_block(self.system.block @ turn), ways=Directions(S=ways), units=units)
 
@@ -119,9 +119,8 @@ def of_observer(observer: ObserverMarkov, svd: HankelSvd, system: Affine, units:
     change of state coordinates caused by dH.
     """
     n, (p, m) = system.order, observer.D.shape
-    U, s, Vt = svd.leading(n)
-    root = np.sqrt(s)
-    left, right = (U / root).T, Vt.T / root
+    O, s, R = svd.leading(n)
+    left, right = (O / s).T, R.T / s
     blocks, columns = left.shape[1] // p, right.shape[0] // m
     changes = markov_changes(observer, system, data, blocks + columns + 1)
     at = 1 + np.arange(blocks)[:, None] + np.arange(columns)
@@ -230,7 +229,8 @@ def _spread(system: Affine, experiments: Sequence[Experiment], fixed: Bool[np.nd
     ways = directions(system, fixed)
     d = ways.S.shape[2]
     total, rows = sum(len(item.y) for item in experiments), ENTRIES_MOST // (p * d)
-    kept = [_recent(item, rows * len(item.y) // max(total, rows)) for item in experiments]
+    shares = [max(rows * len(item.y) // max(total, rows), 1) for item in experiments]
+    kept = [item.part(max(len(item.y) - share, 0), len(item.y)) for item, share in zip(experiments, shares, strict=True)]
     pairs = [jacobian(system, item, ways) for item in kept]
     seen = sum(int(item.there.sum()) for item in kept)
     if seen * p <= 2 * d:
@@ -253,10 +253,6 @@ def _spread(system: Affine, experiments: Sequence[Experiment], fixed: Bool[np.nd
     P = inverse(H)
     scale = total / max(sum(len(item.y) for item in kept), 1)
     return ways.along(_root(P @ (0.5 * (S + S.T)) @ P / scale))
-
-
-def _recent(item: Experiment, rows: int) -> Experiment:
-    return item if rows >= len(item.y) else item.part(len(item.y) - max(rows, 1), len(item.y))
 
 
 def _white(errors: Sequence[Float[np.ndarray, "_ p"]]) -> bool:

@@ -148,8 +148,10 @@ def refit(
 def normal_equations(
     system: Affine, experiments: Sequence[Experiment], ways: Directions
 ) -> tuple[Float[np.ndarray, "d d"], Float[np.ndarray, " d"]]:
-    """Return J'J and J'e with initial states eliminated, in modal coordinates or, for nearly equal poles, by recursion."""
-    modes = modes_of(system)
+    """Return J'J and J'e with initial states eliminated, by recursion, or in modal coordinates where these take fewer products."""
+    n, m1, p, d = system.order, system.B.shape[1], len(system.C), ways.S.shape[2]
+    modes = modes_of(system) if (n * (m1 + 2)) ** 2 < (n + p) * (2 * n + m1) * d else None
+    # Modal coordinates lose digits for nearly equal poles, and overflow for growing modes.
     if modes is not None and np.abs(modes.poles).max() < 1.0 + ON_CIRCLE:
         M = _modal_changes(modes, system, ways)
         sums = [derivative_sums(modes, system, item) for item in experiments]

@@ -18,10 +18,12 @@ from scipy.linalg import LinAlgError
 from scipy.signal import lfilter
 from scipy.special import ndtri
 
+from treadline.core.linear_systems import most_recent
 from treadline.core.models import InputOutputRecord
 from treadline.identification._belts import DifferentialInput, named_belts, turn_channels, turn_rate
 from treadline.identification._dead_time import dead_time
 from treadline.identification._descent import Linearised, descended
+from treadline.identification._gram import runs_of
 from treadline.identification._limits import CONFIDENCE, LAGS_MOST, RECENT, ROUNDING, ROWS_PER_PARAMETER
 from treadline.identification._pole_intervals import MEMORY
 
@@ -156,12 +158,8 @@ class TurnFit:
 
     def _lag(self, belt: int) -> Estimate:
         q = len(self.mixing)
-        at = q + min(belt, q - 1)
-        decay, reach = (
-            float(self.theta[at]),
-            float(ndtri(0.5 + 0.5 * CONFIDENCE)) * float(np.sqrt(max(self.covariance[at, at], 0.0))),
-        )
-        value, low, high = (self._time_constant(number) for number in (decay, decay - reach, decay + reach))
+        decay = self._estimate(lambda theta: float(theta[q + min(belt, q - 1)]))
+        value, low, high = (self._time_constant(number) for number in (decay.value, decay.low, decay.high))
         return Estimate(value=value, low=low, high=high)
 
     def _time_constant(self, decay: float) -> float:
@@ -226,16 +224,12 @@ class _Run:
 
 def _runs(records: Sequence[InputOutputRecord]) -> list[_Run]:
     """Return the unbroken runs of the most recent rows."""
-    runs, left = [], RECENT
-    for record in reversed(records):
-        rate = turn_rate(record.y, records[0].output_names, record.dt_s)
+    runs = []
+    for record in most_recent(records, RECENT):
+        rate = turn_rate(record.y, record.output_names, record.dt_s)
         u = record.u[: len(rate)]
-        whole = np.isfinite(u).all(axis=1) & np.isfinite(rate)
-        edges = np.flatnonzero(np.diff(whole.astype(int), prepend=0, append=0)).reshape(-1, 2)
-        for start, stop in edges[::-1]:
-            first = max(int(start), int(stop) - left)
-            left -= int(stop) - first
-            runs.append(_Run(u=u[first:stop], rate=rate[first:stop], dt_s=record.dt_s))
+        for start, stop in runs_of(np.isfinite(u).all(axis=1) & np.isfinite(rate)):
+            runs.append(_Run(u=u[start:stop], rate=rate[start:stop], dt_s=record.dt_s))
     return runs
 
 

@@ -1,8 +1,9 @@
 """Identification of data larger than memory: a Gram matrix of all samples, and the last samples for validation."""
 
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields, replace
+from functools import reduce
 from itertools import chain
 
 import numpy as np
@@ -10,11 +11,10 @@ import numpy as np
 from treadline.core.errors import PoorExcitation, SettingsError
 from treadline.core.linear_systems import joined_in_time, most_recent
 from treadline.core.models import InputOutputRecord
-from treadline.identification._affine import to_model
 from treadline.identification._checks import channel_names, check_alike, check_gaps, check_records, gaps_in
 from treadline.identification._dependent_inputs import DriveLog
-from treadline.identification._from_gram import from_gram, provenance_of
-from treadline.identification._gram import Gram, GramBuilder, Units
+from treadline.identification._from_gram import from_gram
+from treadline.identification._gram import GramBuilder, Units
 from treadline.identification._identified import Identified
 from treadline.identification._limits import LAGS_MOST, RECENT
 from treadline.identification._threads import one_thread
@@ -46,21 +46,26 @@ def identify_chunks(
     method = options.method or "pbsid"
     _check_options(options, method)
     rest = _chunks(experiments)
-    start = _start(rest, options.lags, options.largest_order)
-    data, last = _gram_of_chunks(start, rest, options.solver)
-    kept = sum(len(record) for record in last)
+    chunks, units, lags, left_out = _start(rest, options.lags, options.largest_order)
+    names, builder = channel_names(chunks[0].record), GramBuilder(lags, units, chunks[0].record.dt_s, solver=options.solver)
+    last: list[InputOutputRecord] = []
+    for chunk in chain(chunks, rest):
+        if chunk.begins:
+            builder.begin()
+        builder.add(chunk.record.u, chunk.record.y)
+        last = most_recent(_with(last, chunk), RECENT)
+    data, kept = replace(builder.finish(), names=names), sum(len(record) for record in last)
     warnings = [f"figures are on the last {kept} samples"] if data.count > kept else []
-    if start.left_out:
-        warnings.append(f"the first {start.left_out} samples, with a constant channel or too many gaps, were left out")
+    if left_out:
+        warnings.append(f"the first {left_out} samples, with a constant channel or too many gaps, were left out")
     found = from_gram(data, last, options, method=method, warnings=warnings, records_are_complete=False)
-    names = channel_names(start.chunks[0].record)
     return Identified(
-        model=to_model(found.system, found.units, data.dt_s, names, provenance_of(method, found.candidate)),
+        free=found.model(method, names),
         found=found,
         method=method,
         fitted=last,
         judged=last,
-        started=started,
+        seconds=time.perf_counter() - started,
         gram=data,
         log=DriveLog(records=last),
         name_prior=options.name_prior,
@@ -85,17 +90,6 @@ class _Chunk:
     """Whether the previous sample is complete and of the same experiment, so that windows may extend into it."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Start:
-    """Initial chunks, enough to determine the units and to support all lags tried."""
-
-    chunks: list[_Chunk]
-    units: Units
-    lags: int
-    left_out: int
-    """Samples left out before the first chunk."""
-
-
 def _chunks(experiments: Iterable[Iterable[InputOutputRecord]]) -> Iterator[_Chunk]:
     """Yield all chunks after a check that they are alike; reject an experiment with too many gaps at its end."""
     first: InputOutputRecord | None = None
@@ -111,40 +105,32 @@ def _chunks(experiments: Iterable[Iterable[InputOutputRecord]]) -> Iterator[_Chu
         check_gaps(gaps, samples)
 
 
-def _start(chunks: Iterator[_Chunk], lags: int | None, order: int | None) -> _Start:
-    """Return the initial chunks, until every channel moves and the largest number of lags is supported.
+def _start(chunks: Iterator[_Chunk], lags: int | None, order: int | None) -> tuple[list[_Chunk], Units, int, int]:
+    """Return initial chunks in which every channel moves and most lags are supported, units, lags, and the samples left out before.
 
     A robot may stand still at first; such samples are kept as far as the memory limit allows.
     """
     waiting: list[_Chunk] = []
     rejection = PoorExcitation("there is no chunk of data; give a longer record")
-    found: _Start | None = None
+    found: tuple[Units, int] | None = None
     left_out = 0
     for chunk in chunks:
         waiting = [*waiting, chunk]
-        records = _joined(waiting)
+        records = reduce(_with, waiting, list[InputOutputRecord]())
         try:
-            carried, units = max_supported_lags(records, lags, order), check_records(records, parts=True)
-            found = _Start(chunks=waiting, units=units, lags=carried, left_out=left_out)
+            supported = max_supported_lags(records, lags, order)
+            found = check_records(records, parts=True), supported
         except PoorExcitation as error:
             rejection = error
         samples = sum(len(item.record) for item in waiting)
-        if found is not None and (lags is not None or found.lags == LAGS_MOST or samples >= RECENT):
+        if found is not None and (lags is not None or found[1] == LAGS_MOST or samples >= RECENT):
             break
         while samples - len(waiting[0].record) >= RECENT:
             left_out, samples = left_out + len(waiting[0].record), samples - len(waiting[0].record)
             waiting = waiting[1:]
     if found is None:
         raise rejection
-    return replace(found, chunks=waiting)  # later chunks with gaps may support fewer lags but still contribute data
-
-
-def _joined(chunks: Sequence[_Chunk]) -> list[InputOutputRecord]:
-    """Return the chunks joined into unbroken parts of experiments."""
-    records: list[InputOutputRecord] = []
-    for chunk in chunks:
-        records = _with(records, chunk)
-    return records
+    return waiting, *found, left_out  # later chunks with gaps may support fewer lags but still contribute data
 
 
 def _with(records: list[InputOutputRecord], chunk: _Chunk) -> list[InputOutputRecord]:
@@ -152,16 +138,3 @@ def _with(records: list[InputOutputRecord], chunk: _Chunk) -> list[InputOutputRe
     if chunk.goes_on and records:
         return [*records[:-1], joined_in_time([records[-1], chunk.record])]
     return [*records, chunk.record]
-
-
-def _gram_of_chunks(start: _Start, rest: Iterator[_Chunk], solver: str) -> tuple[Gram, list[InputOutputRecord]]:
-    """Return the Gram matrix of all chunks, and the last samples."""
-    first = start.chunks[0].record
-    builder = GramBuilder(start.lags, start.units, first.dt_s, solver=solver)
-    last: list[InputOutputRecord] = []
-    for chunk in chain(start.chunks, rest):
-        if chunk.begins:
-            builder.begin()
-        builder.add(chunk.record.u, chunk.record.y)
-        last = most_recent(_with(last, chunk), RECENT)
-    return replace(builder.finish(), names=channel_names(first)), last

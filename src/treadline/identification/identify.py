@@ -11,19 +11,15 @@ from treadline.core import linear_systems
 from treadline.core.errors import DependentInputs, PoorExcitation, SettingsError
 from treadline.core.model_scores import TESTED_SAMPLES_MIN
 from treadline.core.models import InputOutputRecord
-from treadline.identification._affine import Affine, stabilised, to_model
+from treadline.identification._affine import Affine, stabilised
 from treadline.identification._belts import find_differential_input
-from treadline.identification._checks import (
-    channel_names,
-    check_alike,
-    check_independent,
-    check_records,
-)
+from treadline.identification._checks import channel_names, check_alike, check_independent, units_of_moving
 from treadline.identification._dead_time import dead_time, without_delays
 from treadline.identification._dependent_inputs import DriveLog, without_dependent_inputs
-from treadline.identification._from_gram import data_of, from_gram, provenance_of
-from treadline.identification._gram import Gram, gram_of
-from treadline.identification._identified import FittedSystem, Identified, whole_samples
+from treadline.identification._fitting import FittedSystem
+from treadline.identification._from_gram import data_of, from_gram
+from treadline.identification._gram import Gram, gram_of, units_of
+from treadline.identification._identified import Identified, whole_samples
 from treadline.identification._modes import with_inputs_again
 from treadline.identification._threads import one_thread
 from treadline.identification.options import DEFAULT_OPTIONS, IdentificationOptions
@@ -68,40 +64,38 @@ def _identified(log: DriveLog, options: IdentificationOptions, on_progress: Call
     method, belts = options.method or ("best" if options.prior is None else "pbsid"), log.differential
     options = replace(options, method=method)
     validation = log.other(options.validation) if isinstance(options.validation, InputOutputRecord) else options.validation
-    units = check_records(log.records, inputs=belts is None)
     fitted, judged = _split(log.records, validation)
-    if validation is not None:
-        units = check_records(fitted, inputs=belts is None)
+    units = units_of_moving(fitted if belts is None else belts.difference(fitted))
     if belts is None and method == "best":
         # Before dead times, which would move inputs apart that are one.
         check_independent(gram_of(fitted, 1, units), channel_names(fitted[0]))
     one = belts is not None and options.delays is None  # belts that are one input have one dead time
     shifts = 2 * _dead_time(belts.difference(fitted), options, method) if belts and one else _dead_time(fitted, options, method)
     moved = without_delays(fitted, shifts) if any(shifts) else fitted
+    used = moved if belts is None else belts.difference(moved)
     if any(shifts):
-        units = check_records(moved, inputs=belts is None)  # without the samples before the first input acts
-    if belts is not None:
-        units = belts.alike(moved, units)
-    data = data_of(moved, replace(options, lags=1) if method == "deconvolution" else options, units)
-    differential = belts
-    if method == "best" and belts is None:
-        differential = find_differential_input(moved, data, options.lags, options.feedthrough) if options.name_prior else None
-    taken = moved if differential is None else differential.difference(moved)
-    used = data if differential is None else data_of(taken, options, differential.units(taken, data.units))
-    found = from_gram(used, taken, options, method=method, on_progress=on_progress, records_are_complete=options.prior is None)
+        units = units_of_moving(used)  # without the samples before the first input acts
+    data = data_of(used, replace(options, lags=1) if method == "deconvolution" else options, units)
+    gram, differential = data, belts
+    if method == "best" and belts is None and options.name_prior:
+        differential = find_differential_input(moved, data, options.lags, options.feedthrough)
+        if differential is not None:
+            used = differential.difference(moved)
+            data = data_of(used, options, differential.units(used, data.units))
+    found = from_gram(data, used, options, method=method, on_progress=on_progress, records_are_complete=options.prior is None)
     if options.stable:
         found = replace(found, system=_stable(found))
-    model = to_model(found.system, found.units, data.dt_s, channel_names(taken[0]), provenance_of(method, found.candidate))
+    model = found.model(method, channel_names(used[0]))
     if differential is not None:
-        model = differential.model(model, data.units.shift[:2])
+        model = differential.model(model, units_of(moved).shift[:2])
     result = Identified(
-        model=replace(model, input_delay=tuple(shifts)),
+        free=replace(model, input_delay=tuple(shifts)),
         found=found,
         method=method,
         fitted=fitted,
         judged=judged,
-        started=started,
-        gram=found.fitting.data if differential is None else data,
+        seconds=time.perf_counter() - started,
+        gram=found.fitting.data if gram is data else gram,
         differential=differential,
         log=log,
         name_prior=options.name_prior,
