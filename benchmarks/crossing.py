@@ -10,8 +10,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from treadline.control.crest_sequence import Crest, CrestCommand, CrestConfig
-from treadline.control.edge_sequence import Edge, EdgeCommand, EdgeConfig
+from treadline.control.belt_allocation import CRUISE_M_S
+from treadline.control.crest_sequence import Crest, CrestCommand
+from treadline.control.edge_sequence import Edge, EdgeCommand
 from treadline.control.seat_leveller import Leveller, LevellerConfig, PitchFeedForward
 from treadline.core.angles import DEG
 from treadline.core.ports import Reading, Truth
@@ -22,6 +23,7 @@ from treadline.plant.mujoco import MujocoPlant, open_plant
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Chair, Control, Scenario, Sensors, Stair, Start
 from treadline.vehicle.comfort import lasting_change
+from treadline.vehicle.loading import Loading
 
 STEPS = 8
 Direction = Literal["up", "down"]
@@ -66,7 +68,7 @@ class CrestCase:
     gravity_error_deg: float = 0.0
     """Tilt of the IMU's gravity direction [°]."""
     margin_deg: float | None = None
-    """Tip-over margin of the lifted chair before the edge [°], in place of ``EdgeConfig``'s; far below zero the belts never wait
+    """Tip-over margin of the lifted chair before the edge [°], in place of ``Edge``'s; far below zero the belts never wait
     for the flipper."""
     range_deg: tuple[float, float] | None = None
     torque_n_m: float | None = None
@@ -206,14 +208,11 @@ class _CrestRun:
         self._top_m -= 0.5 * (tracks.left_m_s + tracks.right_m_s) * TICK_S
         around = self._around(imu.pitch_rad)
         if self._sequencer is None:
-            load: Any = {
-                "chair": self._chair,
-                "payload_kg": case.payload_kg + case.payload_error_kg,
-                "com_error_m": case.com_error_m,
-            }
-            if case.margin_deg is not None:
-                load |= {"wanted_rad": case.margin_deg * DEG, "least_rad": case.margin_deg * DEG}
-            self._sequencer = Crest(CrestConfig(**load), around) if case.direction == "up" else Edge(EdgeConfig(**load), around)
+            payload_kg = case.payload_kg + case.payload_error_kg
+            loading = Loading(chair=self._chair, payload_kg=payload_kg, com_error_m=case.com_error_m)
+            margins_rad = () if case.margin_deg is None else (case.margin_deg * DEG,) * 2
+            up = case.direction == "up"
+            self._sequencer = Crest(loading, CRUISE_M_S, around) if up else Edge(loading, around, *margins_rad)
         return self._sequencer.step(imu, flipper, tracks, around)
 
     def _around(self, pitch_rad: float) -> KnownNosings:

@@ -6,15 +6,14 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from world import CHAIR, G_M_S2, PITCH_M, PIVOT_M, RISE_M, RUN_M, SLOPE_RAD, TICK_S, World
+from world import CHAIR, CONFIG, G_M_S2, PITCH_M, PIVOT_M, RISE_M, RUN_M, SLOPE_RAD, TICK_S, World
 
-from treadline.control.crest_sequence import CrestCommand, CrestConfig
+from treadline.control.crest_sequence import CrestCommand
 from treadline.core.angles import DEG
 from treadline.core.signals import FlipperCommand, FlipperReading, ImuSample, MotionPlan, StairMap, TrackReading
 from treadline.estimation.known_nosings import KnownNosings
-from treadline.mission.ascent_states import Ascent, AscentConfig
+from treadline.mission.ascent_states import Ascent
 
-CONFIG = AscentConfig(chair=CHAIR, payload_kg=50.0)
 SEES_M = 2.8
 """Reach of the camera, of which nothing nearer than the front pulley is in view."""
 
@@ -79,8 +78,8 @@ class Script:
     SPEED_M_S = 0.05
     stages: tuple[str, ...] = ("climb", "slow", "reach", "carry", "lead", "land", "done")
 
-    def __init__(self, config: CrestConfig, around: KnownNosings) -> None:
-        self.config, self.ahead_m = config, around.top.ahead_m
+    def __init__(self, loading: Any, cruise_m_s: float, around: KnownNosings) -> None:
+        self.loading, self.cruise_m_s, self.ahead_m = loading, cruise_m_s, around.top.ahead_m
         self.steps = 0
         Script.made.append(self)
 

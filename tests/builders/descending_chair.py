@@ -4,14 +4,13 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
-from world import CHAIR, PIVOT_M, RISE_M, RUN_M, SLOPE_RAD, TICK_S, World
+from world import CONFIG, PIVOT_M, RISE_M, RUN_M, SLOPE_RAD, TICK_S, World
 
-from treadline.control.edge_sequence import EdgeCommand, EdgeConfig
+from treadline.control.edge_sequence import EdgeCommand
 from treadline.core.signals import FlipperCommand, FlipperReading, ImuSample, MotionPlan, TrackReading
 from treadline.estimation.known_nosings import KnownNosings
-from treadline.mission.descent_states import Descent, DescentConfig
+from treadline.mission.descent_states import Descent
 
-CONFIG = DescentConfig(chair=CHAIR, payload_kg=50.0)
 STEPS = 8
 EDGE_M = (STEPS - 1) * RUN_M
 """Where the last nosing stands, the landing's edge; the first stands at zero."""
@@ -67,8 +66,8 @@ class Script:
     made: "list[Script]" = []  # noqa: RUF012  (each test empties it)
     stages: tuple[str, ...] = ("press", "lift", "settle", "leave", "done")
 
-    def __init__(self, config: EdgeConfig, around: KnownNosings) -> None:
-        self.config, self.around = config, around
+    def __init__(self, loading: Any, around: KnownNosings) -> None:
+        self.loading, self.around = loading, around
         self.steps = 0
         Script.made.append(self)
 

@@ -6,12 +6,12 @@ import pytest
 from chassis import GEOMETRY, Chassis, known
 from world import flipper
 
-from treadline.control.crest_sequence import Crest, CrestConfig
+from treadline.control.crest_sequence import Crest
 from treadline.core.angles import DEG
 from treadline.core.errors import MechanicsError
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair
-from treadline.vehicle.loading import centre_of_mass_level, plumb
+from treadline.vehicle.loading import Loading, centre_of_mass_level, plumb
 from treadline.vehicle.static_stability import centre_of_mass
 
 CHAIR = read_chair("wheelchair")
@@ -24,7 +24,7 @@ class Summit(Chassis):
 
     def __init__(self, ahead_m: float, *, pitch_deg: float = 28.0, payload_kg: float = 50.0) -> None:
         slopes = [pitch_deg * DEG] * 4
-        crest = Crest(CrestConfig(chair=CHAIR, payload_kg=payload_kg), known(pitch_deg * DEG, ahead_m, slopes))
+        crest = Crest(Loading(chair=CHAIR, payload_kg=payload_kg), 0.2, known(pitch_deg * DEG, ahead_m, slopes))
         super().__init__(crest, ahead_m, pitch_deg, slopes)
 
     @classmethod
@@ -74,7 +74,7 @@ def test_the_sliding_distance_is_the_derivative_of_the_reach() -> None:
 
 
 def test_the_assumed_centre_of_mass_is_that_of_the_chair_file() -> None:
-    x, z = centre_of_mass_level(CrestConfig(chair=CHAIR, payload_kg=50.0), 28.0 * DEG)
+    x, z = centre_of_mass_level(Loading(chair=CHAIR, payload_kg=50.0), 28.0 * DEG)
     expected = centre_of_mass(CHAIR, Chair(payload_kg=50.0), 28.0 * DEG, -60.0 * DEG)
     # The flipper is included with its mass at its axis.
     assert (x, z) == pytest.approx((expected[0], expected[2]), abs=0.01)
@@ -82,14 +82,14 @@ def test_the_assumed_centre_of_mass_is_that_of_the_chair_file() -> None:
 
 def test_a_chair_with_a_fixed_flipper_planner_is_rejected() -> None:
     with pytest.raises(MechanicsError, match=r"'wheelchair-fixed' has no driven flipper.*use wheelchair"):
-        Crest(CrestConfig(chair=read_chair("wheelchair-fixed"), payload_kg=50.0), known(0.5, 1.0, [0.5]))
+        Crest(Loading(chair=read_chair("wheelchair-fixed"), payload_kg=50.0), 0.2, known(0.5, 1.0, [0.5]))
 
 
 def test_it_climbs_then_slows_down_half_a_metre_before_the_centre_of_mass_is_there() -> None:
     chair = Summit(2.0)
     assert chair.run(1.0).stage == "climb"
     assert chair.until("slow").speed_m_s == 0.1
-    x, z = centre_of_mass_level(CrestConfig(chair=CHAIR, payload_kg=50.0), 28.0 * DEG)
+    x, z = centre_of_mass_level(Loading(chair=CHAIR, payload_kg=50.0), 28.0 * DEG)
     assert chair.nosing_m - (x - z * math.tan(28.0 * DEG)) >= 0.5 - 0.005  # two ticks at 0.2 m/s
 
 
@@ -125,7 +125,7 @@ def test_a_tip_that_stands_on_the_nosing_itself_is_lifted_and_tries_again_furthe
     assert (stage, command.speed_m_s) == ("barred", 0.0)
     assert f"stood on the last nosing, try {tries}" in command.cause
     assert tries >= 3
-    assert plumb(CrestConfig(chair=CHAIR, payload_kg=payload_kg), slope_deg * DEG) < chair.nosing_m
+    assert plumb(Loading(chair=CHAIR, payload_kg=payload_kg), slope_deg * DEG) < chair.nosing_m
 
 
 def test_a_lifted_light_chair_counts_as_contact_and_is_lifted_no_further() -> None:
@@ -204,7 +204,7 @@ def test_a_tip_supported_by_friction_is_ignored_while_the_chair_follows() -> Non
         chair.pitch_deg = chair.sequence._lead_rad / DEG + 0.2  # compliance of servo and flipper
         assert command.stage == "lead"
         slides_m_s = (before_rad - chair.sequence._lead_rad) / 0.01 * GEOMETRY.slide(pitch_rad, GEOMETRY.pivot_m - chair.nosing_m)
-        assert slides_m_s <= CrestConfig(chair=CHAIR, payload_kg=50.0).slide_m_s + 1e-9
+        assert slides_m_s <= 0.06 + 1e-9
     assert command.flipper.rate_rad_s > 10.0 * DEG
 
 
@@ -220,11 +220,11 @@ def test_a_chair_that_neither_leans_on_the_tip_nor_follows_is_lowered_slowly() -
         if behind and chair.sequence._stage == "lead":
             leads_rad_s.append((before_rad - chair.sequence._lead_rad) / 0.01)
     assert leads_rad_s
-    assert max(leads_rad_s) <= 3.0 * DEG + 1e-9
+    assert max(leads_rad_s) <= 4.0 * DEG + 1e-9
 
 
-@pytest.mark.parametrize(("above_deg", "rate"), [(20.0, "reach_rad_s"), (0.0, "meet_rad_s"), (-5.0, "meet_rad_s")])
-def test_the_flipper_reaches_fast_and_meets_the_landing_slowly(above_deg: float, rate: str) -> None:
+@pytest.mark.parametrize(("above_deg", "rate_deg_s"), [(20.0, 16.0), (0.0, 8.0), (-5.0, 8.0)])
+def test_the_flipper_reaches_fast_and_meets_the_landing_slowly(above_deg: float, rate_deg_s: float) -> None:
     """Test: a flipper that reaches down, far above the expected contact of its tip, at it, and below. Expected result: full rate,
     then half the rate, also where the landing is lower than expected from nosing and pitch."""
     chair = Summit(0.6)
@@ -232,7 +232,7 @@ def test_the_flipper_reaches_fast_and_meets_the_landing_slowly(above_deg: float,
     pitch_rad = chair.pitch_deg * DEG
     angle_rad = above_deg * DEG - pitch_rad - GEOMETRY.depression(pitch_rad, GEOMETRY.pivot_m - chair.nosing_m)
     asked_rad_s = chair.sequence._reach(pitch_rad, flipper(chair.t_s, angle_rad))
-    assert asked_rad_s == -getattr(CrestConfig(chair=CHAIR, payload_kg=50.0), rate)
+    assert asked_rad_s == pytest.approx(-rate_deg_s * DEG)
 
 
 def test_with_an_unloaded_tip_the_chair_waits_before_the_nosing() -> None:
@@ -308,5 +308,5 @@ def test_below_a_low_last_step_the_chair_is_lowered_first_about_the_nosing_that_
         past_m = GEOMETRY.pivot_m - chair.nosing_m + step_m * math.cos(turned)
         chair.angle_rad = -(pitch + GEOMETRY.depression(pitch, past_m, step_m * math.sin(10.0 * DEG)))
         assert command.stage in ("reach", "carry")
-    loading = CrestConfig(chair=CHAIR, payload_kg=50.0)
+    loading = Loading(chair=CHAIR, payload_kg=50.0)
     assert chair.nosing_m == pytest.approx(plumb(loading, pitch) + step_m * math.cos(turned) - 0.03, abs=0.02)

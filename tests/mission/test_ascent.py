@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from climbing_chair import CONFIG, JUST_TOO_HIGH_M, Foot, Script, rising_by
-from world import PIVOT_M, RISE_M, SLOPE_RAD, TICK_S, belts, estimate
+from climbing_chair import JUST_TOO_HIGH_M, Foot, Script, rising_by
+from world import PIVOT_M, RISE_M, SLOPE_RAD, estimate
 
 from treadline.core.angles import DEG
 from treadline.core.signals import FlipperReading, OperatorInput, StairMap
@@ -17,7 +17,7 @@ from treadline.mission import ascent_states as ascent
 OVER_BELTS_RAD = 2.0 * DEG
 
 # Flipper and tip-over feed-forward on the flight: docs/decisions/0019.
-FLIPPER_RAD_S, RIDES_RAD_S, RIDES_RAD, LAID_RAD, LATE_S = 15.0 * DEG, 20.0 * DEG, -0.75 * DEG, 1.0 * DEG, 0.8
+FLIPPER_RAD_S, RIDES_RAD_S, RIDES_RAD, LAID_RAD, LATE_S = 15.0 * DEG, 20.0 * DEG, -0.75 * DEG, 2.0 * DEG, 0.8
 LIMIT_M_S, BLIND_RAD = 0.1, 1.0 * DEG
 
 SQUARE = estimate()
@@ -91,7 +91,7 @@ def test_a_rise_that_stays_above_the_limit_is_refused_before_the_chair_touches_t
     assert plan.phase == "refused"
     assert "steep" in plan.cause
     assert world.phases == ["search", "align", "approach", "refused"]
-    assert world.before_m > 0.22 - 0.01
+    assert world.before_m > 0.25 - 0.01
     assert world.pitch_rad == 0.0
 
 
@@ -105,7 +105,7 @@ def test_with_a_flipper_planner_that_does_not_come_down_a_chair_on_a_flight_driv
 
 @pytest.mark.parametrize("heading_deg", [0.0, 0.9, 1.4])
 def test_nearly_square_a_sound_flipper_planner_is_waited_for_until_it_is_there(heading_deg: float) -> None:
-    """Test: woken up on a flight. Expected result: it climbs once its flipper is a degree above where it is to be; none is late."""
+    """Test: woken up on a flight. Expected result: it climbs with its flipper 2° above where it is to be; none is late."""
     world = on_a_flight(heading_rad=heading_deg * DEG)
     plan = world.run("climb")
     lifted = min(max(heading_deg - 0.5, 0.0), 1.0) * OVER_BELTS_RAD  # from half a degree of heading error on
@@ -122,7 +122,7 @@ def test_a_chair_that_is_held_on_a_flight_waits_for_its_flipper_planner_once_it_
     assert {plan.phase for plan in world.plans} == {"search"}
     world.brake_on, world.flipper_moves = False, True
     world.run("climb")
-    assert world.flipper_rad < LAID_RAD
+    assert world.flipper_rad <= LAID_RAD
 
 
 def test_with_a_heading_error_on_a_flight_it_does_not_wait_for_its_flipper() -> None:
@@ -147,7 +147,7 @@ def test_on_the_flight_the_belts_go_with_a_chair_that_falls(falls_deg_s: float, 
     planner = world.planner
     planner._tip_over.rate_rad_s = falls_deg_s * DEG
     plan = planner.step(world.t_s, SQUARE)
-    assert (plan.speed_m_s, plan.turn_m_s, plan.pitch_feedforward_m_s) == (CONFIG.cruise_m_s, None, pitch_feedforward_m_s)
+    assert (plan.speed_m_s, plan.turn_m_s, plan.pitch_feedforward_m_s) == (0.2, None, pitch_feedforward_m_s)
 
 
 # --- approach, mount, traction
@@ -157,14 +157,14 @@ def test_it_drives_at_the_stair_slower_near_it_with_the_flipper_lowered_and_test
     world = Foot()
     world.run("mount")
     near = world.before_m
-    assert 0.22 - 0.01 < near < 0.22
+    assert 0.25 - 0.01 < near < 0.25
     far = [p.speed_m_s for p, x in zip(world.plans, world.xs, strict=True) if p.phase == "approach" and x < world.first_m - 1.05]
-    assert set(far[1:]) == {CONFIG.cruise_m_s}
+    assert set(far[1:]) == {0.2}
     # The tip clears the first nosing by 5 cm: asin(0.21 / 0.45) = 27.8°.
     assert world.flipper_rad / DEG == pytest.approx(27.8, abs=0.5)
     world.run("traction")
     mounting = [plan for plan in world.plans if plan.phase == "mount"][1:]
-    assert {plan.speed_m_s for plan in mounting} == {CONFIG.slow_m_s}
+    assert {plan.speed_m_s for plan in mounting} == {0.1}
     assert world.pitch_rad > SLOPE_RAD - 4.0 * DEG
     # Pitched by nearly the slope, nothing is left to clear; in line with the belts it is where it rides in time.
     assert OVER_BELTS_RAD - 0.1 * DEG < world.flipper_rad < 8.0 * DEG
@@ -178,7 +178,7 @@ def test_it_drives_at_the_stair_slower_near_it_with_the_flipper_lowered_and_test
     # Belts that held do not stop before they climb.
     began = len(world.plans) - 1
     world.run(limit_s=0.5)
-    assert all(0.0 < plan.speed_m_s <= CONFIG.cruise_m_s for plan in world.plans[began:])
+    assert all(0.0 < plan.speed_m_s <= 0.2 for plan in world.plans[began:])
 
 
 def test_a_touch_begins_the_mount_whatever_the_map_says() -> None:
@@ -187,7 +187,7 @@ def test_a_touch_begins_the_mount_whatever_the_map_says() -> None:
 
     world = Foot(spoil=far_off)
     world.run("mount")
-    assert CONFIG.touched_rad < world.pitch_rad < CONFIG.touched_rad + 1.0 * DEG
+    assert 4.0 * DEG < world.pitch_rad < 5.0 * DEG
 
 
 def test_a_chair_that_does_not_get_to_the_stair_is_held_and_tries_again_when_it_is_re_armed() -> None:
@@ -267,7 +267,7 @@ def test_too_little_friction_backs_off_level_and_refuses_with_the_number() -> No
     assert world.pitch_rad < 2.0 * DEG
     assert 0.3 < from_m - world.x_m < 0.9
     backing = [plan for plan in world.plans if plan.phase == "back_off"][1:]
-    assert {plan.speed_m_s for plan in backing} == {-CONFIG.slow_m_s}
+    assert {plan.speed_m_s for plan in backing} == {-0.1}
     world.run(limit_s=1.0)
     assert world.plans[-1].speed_m_s == 0.0
 
@@ -346,7 +346,7 @@ def test_it_steers_off_a_side_that_is_near_and_to_the_middle_between_two(
     heading = world.plans[-1].heading_rad
     # A wall at the left is left by turning right: a negative heading.
     assert np.sign(heading) == sign
-    assert abs(heading) <= CONFIG.aside_limit_rad
+    assert abs(heading) <= 2.0 * DEG
     assert world.plans[-1].turn_m_s is None  # the heading's controller steers, however the aim has changed
 
 
@@ -372,8 +372,8 @@ def test_the_end_that_frames_show_hands_over_to_the_crest_with_its_place(crest: 
     world.run("crest")
     (made,) = crest.made
     front = made.ahead_m - PIVOT_M
-    assert CONFIG.unseen_end_m < front < CONFIG.crest_from_m
-    assert made.config.payload_kg == CONFIG.payload_kg
+    assert 0.25 < front < 1.9 - PIVOT_M
+    assert made.loading.payload_kg == 50.0
     assert f"pitch {SLOPE_RAD / DEG:.1f}°, 90 N on the flipper's tip" in world.plans[-1].cause
     assert not world.plans[-1].needs_stair
 
@@ -392,7 +392,7 @@ def test_an_end_that_no_frame_shows_is_met_where_the_last_nosing_ever_seen_is(cr
     world = Foot(steps=6, spoil=lambda seen: replace(seen, ends=False))
     world.run("crest")
     (made,) = crest.made
-    assert made.ahead_m - PIVOT_M == pytest.approx(CONFIG.unseen_end_m, abs=0.01)
+    assert made.ahead_m - PIVOT_M == pytest.approx(0.25, abs=0.01)
 
 
 @pytest.mark.usefixtures("crest")
@@ -480,19 +480,9 @@ def test_a_flipper_that_rides_on_the_nosings_gives_way_to_them_as_a_spring_and_a
 
 
 def test_a_flipper_planner_shorter_than_from_nosing_to_nosing_does_not_ride() -> None:
-    """Test: nosings 0.5 m apart for a flipper of 0.45 m, and as far apart as in a house. Expected result: held in line with the
-    belts, for it would drop off each nosing and have none to ride on until the next; and where it rides."""
-    for run_m, angle_rad in ((0.48, -0.5 * DEG), (0.3, RIDES_RAD)):
+    """Test: nosings 0.5 m apart for a flipper of 0.45 m, and as far apart as in a house. Expected result: held, for it would
+    drop off each nosing and have none to ride on until the next; and a fifth of the motor's torque turns it where it rides."""
+    for run_m, rate_rad_s in ((0.48, 0.0), (0.3, 0.2 * RIDES_RAD_S)):
         world = climbing()
         world.planner._where.run_m = run_m
-        assert world.flipper_rate(angle_rad) == pytest.approx(0.0, abs=1e-9)
-
-
-@pytest.mark.parametrize(("apart_m_s", "angle_deg"), [(0.02, -0.75), (-0.04, 0.625), (0.06, 2.0)])
-def test_a_chair_whose_belts_run_apart_lifts_its_flipper_planner_to_turn(apart_m_s: float, angle_deg: float) -> None:
-    world = climbing()
-    world.heading_rad = 0.0
-    for _ in range(400):
-        world.planner.update(belts(world.t_s, 0.2, 0.2 + apart_m_s))
-        world.flipper_rad += world.flipper_rate(world.flipper_rad) * TICK_S
-    assert world.flipper_rad / DEG == pytest.approx(angle_deg, abs=0.1)
+        assert world.flipper_rate(RIDES_RAD, -40.0) == pytest.approx(rate_rad_s, abs=1e-9)

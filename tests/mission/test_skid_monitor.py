@@ -9,7 +9,7 @@ from treadline.mission._skid_monitor import SkidMonitor
 
 # Limits that the belts' skid and slip on 28° gave (docs/decisions/0022).
 WINDOW_S, APART_M_S, AWAY_RAD = 0.2, 0.01, 0.15 * DEG
-SQUARE_RAD, LOST_RAD, TURNS_RAD_S = 2.0 * DEG, 8.0 * DEG, 0.5 * DEG
+SQUARE_RAD, LOST_RAD, TURNS_RAD_S = 2.0 * DEG, 8.0 * DEG, AWAY_RAD / WINDOW_S
 SLIPS_M_S, GRIPS_M_S, SLID_M = 0.04, 0.02, 0.03
 BEYOND, WITHIN = 1.1, 0.95
 TICK_S = 0.0125

@@ -163,7 +163,7 @@ def test_a_start_beside_the_floor_ends_before_its_first_row(asked: bool, verdict
     scenario = Trip().scenario().model_copy(update={"start": start, "drive": drive})
     run = traverse(scenario, controller=shipped_controller("wheelchair"), seed=1)
     assert run.verdict == verdict
-    assert (run.duration_s, run.scores, len(run.trace["t_s"])) == (0.0, None, 0)
+    assert (run.scores, len(run.trace["t_s"])) == (None, 0)
     assert ("outside the flight" if asked else "touches nothing") in str(run.cause)
 
 

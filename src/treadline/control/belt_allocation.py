@@ -20,12 +20,15 @@ NEAR_STRAIGHT_RAD = 10.0 * DEG
 """Heading error within which the inner belt sticks on a 28° stair with friction 0.62/0.5 and carries the chair (quasi-static
 Coulomb friction, ``vehicle.quasi_static``)."""
 INNER_RATIO_NEAR_STRAIGHT, INNER_RATIO_TURNING = 0.5, -0.25
-"""Inner belt speed ratio near straight, and at larger heading errors, where both belts slide and a slow inner belt turns the
-chair faster (decision 0022)."""
+"""Inner belt speed ratio near straight and while backing down, where turning is unstable, and at larger heading errors, where both
+belts slide and a slow inner belt turns the chair faster (decision 0022)."""
+CRUISE_M_S = 0.2
+"""Mean belt speed on a flight, where nothing else is asked [m/s]."""
+GENTLE_M_S2 = 0.15
+"""Rate of change of the belts' speed that neither tips a chair on nosings nor takes its friction [m/s²]: on a floor with high
+friction a sudden turn breaks loose with 4 m/s² at the passenger."""
 MAX_MEAN_M_S = 0.55
 """Largest common speed of the belts [m/s]."""
-INNER_RATIO_BACKING = 0.5
-"""Inner belt speed ratio while backing down, where turning is unstable."""
 
 
 def inner_speed_ratio(heading_error_rad: float) -> float:
@@ -73,6 +76,6 @@ def climb_safe(demanded: Float[np.ndarray, " 2"], limits: BeltLimits) -> Float[n
 
 def back_safe(demanded: Float[np.ndarray, " 2"], limits: BeltLimits) -> Float[np.ndarray, " 2"]:
     """Return belt speeds (left, right) [m/s] for backing down at the climb speed, with both belts moving down."""
-    most = (1.0 - INNER_RATIO_BACKING) * limits.climb_speed_m_s
+    most = (1.0 - INNER_RATIO_NEAR_STRAIGHT) * limits.climb_speed_m_s
     half = float(np.clip(0.5 * (demanded[1] - demanded[0]), -most, most))
     return np.array([-limits.climb_speed_m_s - half, -limits.climb_speed_m_s + half])

@@ -15,7 +15,7 @@ from jaxtyping import Float
 from jinja2 import Environment, FileSystemLoader
 
 from treadline.control._observer import DISTURBANCE_LIMIT
-from treadline.control.belt_allocation import INNER_RATIO_BACKING, INNER_RATIO_CLIMBING, MAX_MEAN_M_S, inner_speed_ratio
+from treadline.control.belt_allocation import INNER_RATIO_CLIMBING, INNER_RATIO_NEAR_STRAIGHT, MAX_MEAN_M_S, inner_speed_ratio
 from treadline.control.heading_controller import (
     FASTEST_TURN_RAD_S,
     YAW_RATE_SIGMA_RAD_S,
@@ -212,7 +212,7 @@ def _settings_of(design: ControllerDesign, config: ControllerConfig) -> dict[str
         "reconstruct": "static" if _is_static(design, config) else "observer",
         "max_mean_m_s": MAX_MEAN_M_S,
         "slowest_climbing": INNER_RATIO_CLIMBING,
-        "slowest_backing": INNER_RATIO_BACKING,
+        "slowest_backing": INNER_RATIO_NEAR_STRAIGHT,
         "fastest_turn_rad_s": FASTEST_TURN_RAD_S,
         "disturbance_limit_m_s": DISTURBANCE_LIMIT,
         "yaw_rate_sigma_rad_s": YAW_RATE_SIGMA_RAD_S,

@@ -10,67 +10,55 @@ and by the pitch when the flipper lifts the chair.
 """
 
 import math
-from dataclasses import dataclass
 from typing import Literal
 
 from treadline.control.flipper import (
+    AT_EDGE_M,
     FLIPPER_PER_S,
+    GENTLY_RAD_S,
     LIES_RAD,
     LIFTED_RAD,
     OFF_RAD,
     OVER_BELTS_RAD,
     PATIENCE_S,
+    PLACE_M,
+    SLOW_M_S,
     SMALL_RAD,
+    STOW_RAD_S,
+    TURN_RAD_S,
+    TURN_RAD_S2,
     UNLOADED_N,
     PitchCommand,
-    SequenceConfig,
     Sequencer,
 )
 from treadline.core.angles import DEG
 from treadline.core.signals import FlipperReading
 from treadline.estimation.known_nosings import SIGMAS, KnownNosings
-from treadline.vehicle.loading import plumb
+from treadline.vehicle.loading import Loading, plumb
 
 Stage = Literal["climb", "slow", "reach", "carry", "lead", "land", "done", "barred"]
 
-LATER_M = 0.03
-"""Distance of the centre of mass past the nosing before the pitch is lowered, and the increment per retry [m]."""
-NEAR_M = 2.0 * LATER_M
-"""Distance of the centre of mass before the nosing at which the chair waits while the tip is unloaded [m]."""
 PRESS = 1.5
 """Tip load maintained while the chair drives on, as a ratio of the load of a tip that stands."""
 EARLY_RAD, EARLY_M = 12.0 * DEG, 0.05
 """Angle above the expected landing at which the tip stands on the nosing instead [rad], and the nosing's distance ahead of the
 front pulley in that case [m]; slipping belts overestimate the progress."""
-PROGRESS_M = 0.02
-"""Distance by which the landing's edge comes nearer when the chair moves [m]."""
-LAGS_RAD, WAITS_RAD_S = 0.25 * DEG, 3.0 * DEG
-"""Pitch lag [rad] above which a chair that does not lean on the tip is lowered slowly, and that rate [rad/s]: it would fall after
-a faster flipper and land on it with 2.6 to 2.8 m/s² at the passenger. At twice the lag its centre of mass is further back than
-assumed. The load alone does not show that: a tip pushed forward over ground with high friction stands by friction, with almost no
-motor torque (36 to 45° below horizontal, friction 0.7 to 1)."""
+LAGS_RAD = 0.25 * DEG
+"""Pitch lag above which a chair that does not lean on the tip is lowered gently [rad]: it would fall after a faster flipper and
+land on it with 2.6 to 2.8 m/s² at the passenger. At twice the lag its centre of mass is further back than assumed. The load alone
+does not show that: a tip pushed forward over ground with high friction stands by friction, with almost no motor torque (36 to 45°
+below horizontal, friction 0.7 to 1)."""
 LIES_S = 1.0
 """Time nearly horizontal with an unloaded tip after which the belts lie on the landing [s], despite the error of gravity."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CrestConfig(SequenceConfig):
-    """Chair, assumed load and speeds of the crest sequence."""
-
-    lead_m_s: float = 0.03
-    """Speed while the pitch is lowered [m/s]: the further the chair moves, the more load the flipper carries."""
-    reach_from_m: float = 0.08
-    """Distance of the front pulley past the nosing at which the flipper reaches down [m], before the chair can tip from a high
-    nosing behind it onto the last: 0.16 m at the earliest. A tip that reaches down 15 cm too early stands on the nosing and
-    retries."""
-    slide_m_s: float = 0.06
-    """Sliding speed of the tip over the landing while the chair is lowered [m/s]. A tip reaching far down onto ground with high
-    friction (36° and friction 1) sticks and springs free: at 0.13 m/s with 19 °/s and 4 m/s² at the seat."""
-    touch_rad_s: float = 4.0 * DEG
-    """Rate at which the belts touch the landing [rad/s]: 5 cm/s at the seat."""
-    press_rad_s_n: float = 0.1 * DEG
-    """Flipper rate per missing load [rad/s/N]."""
-
+LEAD_M_S = 0.03
+"""Speed while the pitch is lowered [m/s]: the further the chair moves, the more load the flipper carries."""
+SLIDE_M_S = 0.06
+"""Sliding speed of the tip over the landing while the chair is lowered [m/s]. A tip reaching far down onto ground with high
+friction (36° and friction 1) sticks and springs free: at 0.13 m/s with 19 °/s and 4 m/s² at the seat."""
+PRESS_RAD_S_N = 0.1 * DEG
+"""Flipper rate per missing load [rad/s/N]."""
 
 CrestCommand = PitchCommand[Stage]
 """Belt speed and flipper rate commanded by the crest sequence."""
@@ -80,29 +68,28 @@ class Crest(Sequencer[Stage]):
     """State machine for one crossing of the crest.
 
     Args:
-        config: Chair, load and speeds.
+        loading: Chair and assumed load.
+        cruise_m_s: Belt speed before the sequence slows down.
         around: Nosings around the chair; the uppermost is the landing's edge.
     """
 
-    _config: CrestConfig
-
-    def __init__(self, config: CrestConfig, around: KnownNosings) -> None:
-        super().__init__(config, "climb", around)
+    def __init__(self, loading: Loading, cruise_m_s: float, around: KnownNosings) -> None:
+        super().__init__(loading, "climb", around)
+        self._cruise_m_s = cruise_m_s
         self._waited_s, self._least_m = 0.0, math.inf
-        """Time since the landing's edge last came nearer by ``PROGRESS_M`` [s], and its distance then [m]."""
+        """Time since the landing's edge last came nearer by ``PLACE_M`` [s], and its distance then [m]."""
         self._tries = 0
         """Number of attempts in which the tip stood on the nosing instead of the landing."""
-        self._lead_from_m = LATER_M
+        self._lead_from_m = PLACE_M
 
     def _sequence(self, pitch: float, flipper: FlipperReading, dt_s: float) -> None:
-        config = self._config
         beyond = self._com_beyond(pitch)
         match self._stage:
             case "climb" | "slow" | "reach" | "carry" if cause := self._gets_no_further(pitch, dt_s):
                 self._stage, self._cause = "barred", cause
             case "climb" if self._edge_past_m > -self._geometry.length_m:
                 self._stage = "slow"
-            case "slow" if self._edge_past_m > config.reach_from_m:
+            case "slow" if self._edge_past_m > AT_EDGE_M:
                 self._stage, self._waited_s, self._least_m = "reach", 0.0, math.inf
             case "reach" if self._tip.carries or self._is_lifted(pitch):
                 self._meet(pitch, flipper)
@@ -111,7 +98,7 @@ class Crest(Sequencer[Stage]):
                 self._lead_from(pitch)
             case "lead" if beyond < 0.0 or self._is_left_behind(pitch):
                 self._stage = "carry"
-                self._lead_from_m = max(beyond, 0.0) + LATER_M
+                self._lead_from_m = max(beyond, 0.0) + PLACE_M
             case "carry" | "lead" if pitch < LIES_RAD:
                 self._stage = "land"
             case "lead" if pitch < SMALL_RAD and self._tip.unloaded_s > LIES_S:
@@ -125,7 +112,7 @@ class Crest(Sequencer[Stage]):
         """Return the reason why the flipper cannot stand on the landing as the centre of mass passes, or an empty string."""
         slope, sigma = self._lies
         least_rad = slope - SIGMAS * sigma - LIFTED_RAD
-        if self._most_before_m(least_rad) > -LATER_M:
+        if self._most_before_m(least_rad) > -PLACE_M:
             return ""
         return f"the last nosings are {slope / DEG:.1f}° steep, and the flipper turns to {self._lowest_rad / DEG:.0f}° only"
 
@@ -135,7 +122,7 @@ class Crest(Sequencer[Stage]):
             return self._cannot_reach()
         self._waited_s += dt_s
         ahead_m = self._geometry.pivot_m - self._edge_past_m
-        if ahead_m < self._least_m - PROGRESS_M:
+        if ahead_m < self._least_m - PLACE_M:
             self._waited_s, self._least_m = 0.0, ahead_m
         if self._is_lifted(pitch) and pitch > self._lies[0] + OFF_RAD:
             lifted = (pitch - self._lies[0]) / DEG
@@ -163,16 +150,15 @@ class Crest(Sequencer[Stage]):
 
     def _may_go_on(self, pitch: float) -> bool:
         """Return whether another attempt leaves the centre of mass behind the nosing, even if its first position was correct."""
-        goes_m = self._config.reach_from_m + (self._tries + 1) * (EARLY_M + self._config.reach_from_m)
-        return plumb(self._config, pitch) < self._geometry.pivot_m - goes_m
+        goes_m = AT_EDGE_M + (self._tries + 1) * (EARLY_M + AT_EDGE_M)
+        return plumb(self._loading, pitch) < self._geometry.pivot_m - goes_m
 
     def _act(self, pitch: float, flipper: FlipperReading, speed: float, dt_s: float) -> tuple[float, float]:
-        config = self._config
         match self._stage:
             case "climb":
-                return config.cruise_m_s, 0.0
+                return self._cruise_m_s, 0.0
             case "slow":
-                return config.slow_m_s, self._towards(OVER_BELTS_RAD, flipper)
+                return SLOW_M_S, self._towards(OVER_BELTS_RAD, flipper)
             case "reach":
                 return 0.0, self._reach(pitch, flipper)
             case "carry":
@@ -180,9 +166,9 @@ class Crest(Sequencer[Stage]):
             case "barred":
                 return 0.0, 0.0
             case "lead":
-                return config.lead_m_s, self._lead(pitch, flipper, speed, dt_s)
+                return LEAD_M_S, self._lead(pitch, flipper, speed, dt_s)
             case _:
-                return config.slow_m_s, min(self._towards(self._rest_rad, flipper), config.stow_rad_s)
+                return SLOW_M_S, min(self._towards(self._rest_rad, flipper), STOW_RAD_S)
 
     def _is_lifted(self, pitch: float) -> bool:
         """Return whether a loaded tip holds the chair above its nosings: a light chair is lifted before the tip carries."""
@@ -190,23 +176,21 @@ class Crest(Sequencer[Stage]):
 
     def _carry(self, pitch: float, flipper: FlipperReading, speed: float, dt_s: float) -> tuple[float, float]:
         self._refine(pitch, flipper, dt_s)
-        config = self._config
         _, per_metre = self._geometry.rates(pitch, *self._place)
         missing = 0.0 if self._is_lifted(pitch) else max(PRESS * self._tip.carries_n - self._tip.load_n, 0.0)
-        rate = (per_metre * speed if missing > 0.0 else 0.0) - config.press_rad_s_n * missing
-        waits = self._tip.load_n < UNLOADED_N and self._com_beyond(pitch) > -NEAR_M
-        return (0.0 if waits else config.slow_m_s), rate
+        rate = (per_metre * speed if missing > 0.0 else 0.0) - PRESS_RAD_S_N * missing
+        waits = self._tip.load_n < UNLOADED_N and self._com_beyond(pitch) > -PLACE_M
+        return (0.0 if waits else SLOW_M_S), rate
 
     def _lead(self, pitch: float, flipper: FlipperReading, speed: float, dt_s: float) -> float:
-        config = self._config
         self._refine(pitch, flipper, dt_s)
-        softly = max(FLIPPER_PER_S * pitch, config.touch_rad_s)
+        softly = max(FLIPPER_PER_S * pitch, GENTLY_RAD_S)
         slides_m = max(self._geometry.slide(max(pitch, 0.0), *self._place), self._geometry.radius_m)  # avoids division by zero
-        smoothly = config.slide_m_s / slides_m
+        smoothly = SLIDE_M_S / slides_m
         lags = self._tip.load_n < UNLOADED_N and pitch > self._lead_rad + LAGS_RAD
-        fastest = WAITS_RAD_S if lags else config.turn_rad_s
-        self._lead_rad_s = min(self._lead_rad_s + config.turn_rad_s2 * dt_s, fastest, softly, smoothly)
-        self._lead_rad = max(self._lead_rad - self._lead_rad_s * dt_s, pitch - config.behind_rad)
+        fastest = GENTLY_RAD_S if lags else TURN_RAD_S
+        self._lead_rad_s = min(self._lead_rad_s + TURN_RAD_S2 * dt_s, fastest, softly, smoothly)
+        self._lead_rad = max(self._lead_rad - self._lead_rad_s * dt_s, pitch - LIFTED_RAD)
         per_pitch, per_metre = self._geometry.rates(pitch, *self._place)
         trim = FLIPPER_PER_S * (self._lead_rad - pitch)
         if self._tip.load_n < UNLOADED_N:

@@ -16,6 +16,32 @@ from treadline.estimation.known_nosings import KnownNosings
 from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription, Flipper
 from treadline.vehicle.loading import Loading, plumb
 
+SLOW_M_S = 0.1
+"""Belt speed onto a stair, off a stair and near the landing's edge [m/s]."""
+TURN_RAD_S, TURN_RAD_S2 = 9.0 * DEG, 20.0 * DEG
+"""Largest rate of the pitch [rad/s], and its angular acceleration at the start [rad/s²]: 0.2 m/s² at the passenger, half a metre
+from the nosing."""
+REACH_RAD_S, MEET_RAD_S = 16.0 * DEG, 8.0 * DEG
+"""Rate at which the flipper reaches down for the landing [rad/s], and at the expected contact: 16 °/s caused 3 m/s² under a light
+chair."""
+FLIPPER_RAD_S = 15.0 * DEG
+"""Largest rate of a flipper that moves freely to an angle [rad/s]."""
+STOW_RAD_S = 12.0 * DEG
+"""Rate at which the flipper is raised from the landing [rad/s]."""
+GENTLY_RAD_S = 4.0 * DEG
+"""Rate of belts or an unloaded tip that touch the landing, and of a flipper that a chair may lean on or not follow [rad/s]: 5 cm/s
+at the seat."""
+YIELDS_RAD_S = 20.0 * DEG
+"""Rate at which a flipper yields to a load of its full motor torque [rad/s]. With 200 N·m this is a spring of 1150 N·m/rad and a
+damper of 570 N·m·s/rad, which lowers a chair that passes a high nosing. At twice the rate the servo oscillates."""
+THERE_RAD = 5.0 * DEG
+"""Angle off the commanded one within which the flipper is where it is to be [rad]."""
+PLACE_M = 0.03
+"""Error of the centre of mass's place before a nosing, by the tip's load or the map [m]: 5 % of weight and reach at
+0.6 m of reach."""
+AT_EDGE_M = 0.07
+"""Distance of the front pulley past the landing's edge at which the flipper reaches down [m], before the chair can tip from a high
+nosing behind it onto the last: 0.16 m at the earliest."""
 CARRIES_N = 80.0
 """Load above which the tip counts as standing [N]: five times the uncertainty from torque noise and flipper weight."""
 CARRIES_SHARE = 0.2
@@ -23,7 +49,8 @@ CARRIES_SHARE = 0.2
 CARRIES_S = 0.1
 """Duration above that load before the tip counts as standing [s]; longer than a rotor stop."""
 LIFTED_RAD = 1.0 * DEG
-"""Pitch by which the flipper has lifted the chair [rad]; the tip then carries at any load."""
+"""Pitch by which the flipper has lifted the chair [rad]; the tip then carries at any load. The reference of the pitch leads by no
+more."""
 UNLOADED_N = 30.0
 TIP_S = 0.05
 """Time constant of the tip load filter [s]."""
@@ -137,6 +164,11 @@ class _FlipperRate:
         return self._rate_rad_s
 
 
+def load_share(flipper: FlipperReading, most_n_m: float) -> float:
+    """Return the load that turns the flipper up, as a share of its motor's torque."""
+    return max(-flipper.torque_n_m / most_n_m, 0.0)
+
+
 def geometry_of(chair: ChairDescription) -> FlipperGeometry:
     """Return the planar flipper geometry of a chair."""
     tracks = chair.tracks
@@ -179,44 +211,23 @@ class PitchCommand(Generic[StageT]):
     """Reason for a retry or for stopping; otherwise empty."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SequenceConfig(Loading):
-    """Chair, assumed load and what both sequences share."""
-
-    cruise_m_s: float = 0.2
-    """Belt speed before the sequence slows down [m/s]."""
-    slow_m_s: float = 0.1
-    """Belt speed near the landing's edge [m/s]."""
-    turn_rad_s: float = 9.0 * DEG
-    turn_rad_s2: float = 20.0 * DEG
-    """Largest rate of the pitch [rad/s], and its angular acceleration at the start [rad/s²]: 0.2 m/s² at the passenger, half a
-    metre from the nosing."""
-    behind_rad: float = 1.0 * DEG
-    """Largest lead of the reference over the pitch [rad]."""
-    reach_rad_s: float = 16.0 * DEG
-    meet_rad_s: float = 8.0 * DEG
-    """Rate at which the flipper reaches down for the landing [rad/s], and at the expected contact: 16 °/s caused 3 m/s² under a
-    light chair."""
-    stow_rad_s: float = 12.0 * DEG
-    """Rate at which the flipper is raised from the landing [rad/s]."""
-
-
 class Sequencer(ABC, Generic[StageT]):
     """State machine for one crossing of the landing's edge.
 
     Args:
-        config: Chair, load, rates and speeds.
+        loading: Chair and assumed load.
         stage: Initial stage.
         around: Nosings around the chair.
     """
 
-    def __init__(self, config: SequenceConfig, stage: StageT, around: KnownNosings) -> None:
-        self._config = config
-        self._geometry = geometry_of(config.chair)
-        self._tip = Tip(config)
-        self._rate = _FlipperRate(flipper_of(config.chair))
-        self._lowest_rad = flipper_of(config.chair).range_deg[0] * DEG
-        self._rest_rad = config.chair.tracks.approach_angle_deg * DEG
+    def __init__(self, loading: Loading, stage: StageT, around: KnownNosings) -> None:
+        self._loading = loading
+        self._flipper = flipper_of(loading.chair)
+        self._geometry = geometry_of(loading.chair)
+        self._tip = Tip(loading)
+        self._rate = _FlipperRate(self._flipper)
+        self._lowest_rad = self._flipper.range_deg[0] * DEG
+        self._rest_rad = loading.chair.tracks.approach_angle_deg * DEG
         self._stage = stage
         self._cause = ""
         self._around = around
@@ -236,7 +247,7 @@ class Sequencer(ABC, Generic[StageT]):
         self._tip.step(pitch, flipper, dt_s)
         if tracks.brake_on:
             dt_s = 0.0
-            self._rate = _FlipperRate(flipper_of(self._config.chair))
+            self._rate = _FlipperRate(self._flipper)
             self._lead_from(pitch)
         self._sequence(pitch, flipper, dt_s)
         belts, rate = self._act(pitch, flipper, speed, dt_s)
@@ -283,7 +294,7 @@ class Sequencer(ABC, Generic[StageT]):
         """
         if pitch <= SMALL_RAD:
             return math.inf
-        return self._geometry.past(pitch, self._lowest_rad) - self._geometry.pivot_m + plumb(self._config, pitch)
+        return self._geometry.past(pitch, self._lowest_rad) - self._geometry.pivot_m + plumb(self._loading, pitch)
 
     @property
     def _lies(self) -> tuple[float, float]:
@@ -296,7 +307,7 @@ class Sequencer(ABC, Generic[StageT]):
 
     def _com_beyond(self, pitch: float) -> float:
         """Return the distance of the centre of mass's plumb line beyond the crossed nosing, along the belts [m]."""
-        return plumb(self._config, pitch) - self._ahead_m
+        return plumb(self._loading, pitch) - self._ahead_m
 
     def _towards(self, angle_rad: float, flipper: FlipperReading) -> float:
         """Return the rate that moves the flipper to an angle above the belts."""
@@ -304,8 +315,7 @@ class Sequencer(ABC, Generic[StageT]):
 
     def _reach(self, pitch: float, flipper: FlipperReading) -> float:
         """Return the rate of a flipper that reaches down for the landing, slower near the expected contact."""
-        config = self._config
-        return -min(max(FLIPPER_PER_S * self._to_go(pitch, flipper), config.meet_rad_s), config.reach_rad_s)
+        return -min(max(FLIPPER_PER_S * self._to_go(pitch, flipper), MEET_RAD_S), REACH_RAD_S)
 
     def _to_go(self, pitch: float, flipper: FlipperReading) -> float:
         """Return the flipper's angle above the expected contact of its tip with the landing."""

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.control._observer import Observer
-from treadline.control.belt_allocation import INNER_RATIO_CLIMBING, BeltLimits, back_safe, climb_safe, clipped
+from treadline.control.belt_allocation import CRUISE_M_S, INNER_RATIO_CLIMBING, BeltLimits, back_safe, climb_safe, clipped
 from treadline.control.lqr import closed_loop_poles, static_inverse
 from treadline.control.tune import BELT_DIFFERENCE, RADIUS_LIMIT, SIGMA_Y
 from treadline.core.errors import NotStabilisable, PeriodMismatch, ShapeMismatch
@@ -29,7 +29,7 @@ FASTEST_TURN_RAD_S = 35.0
 class ControllerConfig:
     """Limits, allocation and period of the controller."""
 
-    climb_speed_m_s: float = 0.2
+    climb_speed_m_s: float = CRUISE_M_S
     max_speed_m_s: float = 1.0
     allocation: Literal["climb-safe", "paper"] = "climb-safe"
     reconstruct: Reconstruct | None = None

@@ -24,7 +24,7 @@ class Situation(Protocol):
     def stalled_s(self) -> float:
         """Time with released brakes since the state began, or since the chair last came further [s]."""
 
-    def enter(self, phase: Phase, cause: str, way: float) -> None:
+    def enter(self, phase: Phase, cause: str, *, back: bool) -> None:
         """Begin a state that goes along the traversal, or against it."""
 
     def try_again(self) -> None:
@@ -50,8 +50,8 @@ class State(Generic[S_contra]):
     """Ends of the state; the first condition that returns an observation counts."""
     begins: Callable[[S_contra], None] | None = None
     """What is prepared when the state begins."""
-    way: float = 1.0
-    """Sign of the motion along the traversal: -1 for a state that drives back."""
+    back: bool = False
+    """Whether the chair drives back, against the traversal."""
 
 
 class Automaton(Generic[S_contra]):
@@ -80,5 +80,5 @@ class Automaton(Generic[S_contra]):
             begun = self._states[to]
             if begun.begins is not None:
                 begun.begins(situation)
-            situation.enter(to, cause, begun.way)
+            situation.enter(to, cause, back=begun.back)
         return situation.still

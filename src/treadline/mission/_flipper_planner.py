@@ -6,45 +6,31 @@
 
 import math
 
-from treadline.control.flipper import FLIPPER_PER_S, OVER_BELTS_RAD
+from treadline.control.flipper import FLIPPER_PER_S, FLIPPER_RAD_S, OVER_BELTS_RAD, YIELDS_RAD_S, load_share
 from treadline.core.angles import DEG
 from treadline.core.signals import FlipperCommand, FlipperReading
+from treadline.mission._flat_ground_steering import SQUARE_RAD
 from treadline.scenario.chair import ChairDescription
 
 CLEAR_M = 0.05
 """Clearance of the flipper's tip above a step while only the flipper passes over nosings [m]. From its rest, at 40°, belts with
 friction 0.45 neither mount nor stay on the nosings while leaving; at this clearance they do."""
-RIDING_HEADING_RAD, LIFTED_HEADING_RAD = 0.5 * DEG, 1.5 * DEG
-"""Heading error up to which the flipper rides on the nosings, and from which it is lifted above them [rad]. Riding lengthens
-the track by half, so that the chair hardly rocks, but turns 2.5 times less."""
-RIDING_DIFFERENCE_M_S, LIFTED_DIFFERENCE_M_S = 0.02, 0.06
-"""Belt speed difference up to which the flipper rides, and from which it is lifted [m/s]: the longer track of a riding flipper
-would skid instead of turning."""
-SPANS, IN_LINE_RAD = 1.1, -0.5 * DEG
-"""Smallest ratio of flipper length to the distance between nosings for riding, and the angle of a shorter flipper relative to the
-belts [rad]. A shorter flipper would drop off each nosing, so it is held in line with the belts."""
-RIDES_RAD_S = 20.0 * DEG
-"""Rate at which a riding flipper yields to a load of its full motor torque [rad/s]. With 200 N·m this is a spring of 1150 N·m/rad
-and a damper of 570 N·m·s/rad, which lowers a chair that passes a high nosing. At twice the rate the servo oscillates."""
-LAID_RAD = 1.0 * DEG
-"""Angle above the riding or lifted angle at which the flipper counts as laid [rad]; the last degree would take half a second."""
-YIELDS_SHARE, YIELDS_RAD_S = 0.5, 10.0 * DEG
-"""Share of the motor's torque above which a flipper that moves to an angle yields, and its yield rate at full torque [rad/s]."""
-FLIPPER_RAD_S = 15.0 * DEG
-"""Largest rate of a flipper that moves to an angle [rad/s]."""
+YIELDS_SHARE = 0.5
+"""Share of the motor's torque above which a flipper that moves to an angle yields."""
 LATE_S = 0.8
 """Time beyond the expected duration of a movement after which the motor counts as dead or stuck [s]."""
 
 
-def turning_share(off_rad: float, apart_m_s: float) -> float:
+def turning_share(off_rad: float) -> float:
     """Return how far the flipper is lifted for the chair to turn: 0 riding on the nosings, 1 fully lifted above them.
 
+    Riding lengthens the track by half, so that the chair hardly rocks, but turns 2.5 times less. At the heading error of a square
+    chair the flipper is half lifted.
+
     Args:
-        off_rad: Absolute heading error [rad].
-        apart_m_s: Absolute belt speed difference [m/s].
+        off_rad: Heading error [rad].
     """
-    by_heading = (off_rad - RIDING_HEADING_RAD) / (LIFTED_HEADING_RAD - RIDING_HEADING_RAD)
-    return min(max(by_heading, (apart_m_s - RIDING_DIFFERENCE_M_S) / (LIFTED_DIFFERENCE_M_S - RIDING_DIFFERENCE_M_S), 0.0), 1.0)
+    return min(max(abs(off_rad) / SQUARE_RAD - 0.5, 0.0), 1.0)
 
 
 class FlipperPlanner:
@@ -75,7 +61,7 @@ class FlipperPlanner:
 
     def spans(self, step_m: float) -> bool:
         """Return whether the flipper reaches from nosing to nosing; ``step_m`` is 0 while no stair is known."""
-        return 0.0 < SPANS * step_m < self._flipper_m
+        return 0.0 < step_m < self._flipper_m
 
     def ride(self, t_s: float, step_m: float, share: float, lies_rad: float = 0.0) -> FlipperCommand | None:
         """Return the command that rides on the nosings, or lifts the flipper for a turn; None without a flipper.
@@ -86,12 +72,12 @@ class FlipperPlanner:
             share: Lift for a turn, 0 to 1 (``turning_share``).
             lies_rad: Angle at which the flipper lies on the nosings as they are; 0 on the belts' line.
         """
-        if not self.spans(step_m):
-            return self.to(t_s, IN_LINE_RAD + share * (OVER_BELTS_RAD - IN_LINE_RAD))
+        if not self.spans(step_m):  # it would drop off each nosing
+            return self.to(t_s, self._rides_at(share))
         if self.reading is None:
             return None
         off = lies_rad + self._rides_at(share) - self.reading.angle_rad
-        rate = max(FLIPPER_PER_S * off + RIDES_RAD_S * self._load, -FLIPPER_RAD_S)
+        rate = max(FLIPPER_PER_S * off + YIELDS_RAD_S * self._load, -FLIPPER_RAD_S)
         # Upwards at the motor's full rate: at 15 °/s a chair ran against the nosing that was to lift its flipper (3.9 m/s²).
         return FlipperCommand(t_s=t_s, rate_rad_s=min(max(rate, -self._fastest_rad_s), self._fastest_rad_s))
 
@@ -111,21 +97,21 @@ class FlipperPlanner:
         """
         above_rad = 0.0
         if self.reading is not None and self.spans(step_m) and share < 1.0:
-            above_rad = max(self.reading.angle_rad - max(self._rides_at(share), 0.0) - LAID_RAD, 0.0)
+            above_rad = max(self.reading.angle_rad - max(self._rides_at(share), 0.0) - OVER_BELTS_RAD, 0.0)
         return self.is_late(t_s, above_rad) or above_rad <= 0.0
 
     def to(self, t_s: float, angle_rad: float, *, lifts_rad_s: float = FLIPPER_RAD_S) -> FlipperCommand | None:
         """Return the command that moves the flipper to an angle and yields to its load; None without a flipper."""
         if self.reading is None:
             return None
-        over = max(self._load - YIELDS_SHARE, 0.0) / (1.0 - YIELDS_SHARE)
-        rate = min(FLIPPER_PER_S * (angle_rad - self.reading.angle_rad), lifts_rad_s) + YIELDS_RAD_S * over
+        yields = YIELDS_RAD_S * max(self._load - YIELDS_SHARE, 0.0)
+        rate = min(FLIPPER_PER_S * (angle_rad - self.reading.angle_rad), lifts_rad_s) + yields
         return FlipperCommand(t_s=t_s, rate_rad_s=min(max(rate, -FLIPPER_RAD_S), FLIPPER_RAD_S))
 
     @property
     def _load(self) -> float:
         """Load of the flipper as a share of its motor's torque."""
-        return 0.0 if self.reading is None else max(-self.reading.torque_n_m / self._most_n_m, 0.0)
+        return 0.0 if self.reading is None else load_share(self.reading, self._most_n_m)
 
     def is_late(self, t_s: float, off_rad: float, gently_s: float = 0.0) -> bool:
         """Return whether the flipper has exceeded the time that its movement needs; after True the time starts again.

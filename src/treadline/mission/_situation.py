@@ -7,6 +7,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from treadline.control.flipper import SLOW_M_S
 from treadline.core.angles import DEG
 from treadline.core.signals import (
     FlipperCommand,
@@ -22,28 +23,32 @@ from treadline.core.signals import (
 from treadline.core.step_sizes import ON_A_FLIGHT_RAD
 from treadline.estimation.known_nosings import KnownNosings
 from treadline.estimation.stair_tracker import Side, StairTracker
-from treadline.mission._flat_ground_steering import LevelConfig, LevelSteering
-from treadline.mission._flipper_planner import LIFTED_HEADING_RAD, FlipperPlanner, turning_share
+from treadline.mission._flat_ground_steering import SQUARE_RAD, LevelSteering
+from treadline.mission._flipper_planner import FlipperPlanner, turning_share
 from treadline.mission._skid_monitor import SkidMonitor
 from treadline.mission._tip_over import TipOverFeedforward
 from treadline.mission.entry_check import certain_reject_reason, reject_reason
-from treadline.mission.planner import PlannerInput
-from treadline.scenario.chair import ChairDescription
+from treadline.mission.planner import PlannerInput, TraversalConfig
 from treadline.vehicle.loading import Loading, plumb
 
 LEVEL_RAD = 2.0 * DEG
 """Absolute pitch below which the chair is horizontal [rad]."""
 FURTHER_M = 0.1
 """Distance along the flight by which a chair has come further [m]: three standard deviations of the tracker's place on approach."""
-NARROW_MAPS, NARROW_M, ASIDE_M = 10, 0.02, 0.05
-"""Number of consecutive maps in which a wall is nearer than half the chair's width less ``NARROW_M`` [m], and lateral shift
-proposed in excess of that width [m]. Measured walls err by 5 cm for half a second. In a stair 1.2 m wide a chair that started with
-30° of heading error, 0.15 m off the middle, drove onto the wall's end and rolled by 21°."""
-SIDE_MARGIN_M = 0.02
-"""Margin of the swept half width to an open side [m]: the largest error of a measured side (``tests/perception/test_form.py``)."""
-BLIND_RAD = 1.0 * DEG
-"""Heading error that is not corrected on the flight while no stair is in view [rad]. Belts that follow a drifting gyro turn the
-chair; with a belt that has lost friction they turn nothing, which the guard cannot distinguish from gyro drift."""
+NARROW_MAPS, ASIDE_M = 10, 0.05
+"""Number of consecutive maps in which a wall is nearer than half the chair's width less ``SIDE_M``, and lateral shift proposed in
+excess of that width [m]. Measured walls err by 5 cm for half a second. In a stair 1.2 m wide a chair that started with 30° of
+heading error, 0.15 m off the middle, drove onto the wall's end and rolled by 21°."""
+SIDE_M = 0.02
+"""Largest error of a measured side, wall or drop [m] (``tests/perception/test_form.py``)."""
+LOOK_M = 2.5
+"""Travel over a landing to find the next flight [m]: from further away only its first step is in view, or its edge hides it."""
+ENTER_FROM_M = 0.25
+"""Distance of a pulley before a nosing from which it counts as being reached [m]: the first one of the flight, the last one in any
+map, and the one at which the flipper of a chair that leaves is lifted."""
+KEEPS_M = 0.5
+"""Distance that a chair keeps from a missing step, at which it has slowed down before the foot of a flight, and which it goes away
+from a flight [m]."""
 
 
 def beside(before_m: float) -> str:
@@ -54,27 +59,6 @@ def beside(before_m: float) -> str:
 def on_the_tip(load_n: float) -> str:
     """Return the load on the flipper's tip in words."""
     return f"{max(load_n, 0.0):.0f} N on the flipper's tip"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TraversalConfig:
-    """Chair, entered payload, speeds and distances common to both directions; distances along the belts."""
-
-    chair: ChairDescription
-    payload_kg: float
-    """Weight of the passenger as entered by the operator [kg]."""
-    cruise_m_s: float = 0.2
-    """Mean belt speed on the flight [m/s]."""
-    flights: int | None = None
-    """Number of flights to traverse; None continues while another flight is seen across a landing."""
-    look_m: float = 2.5
-    """Travel over a landing to find the next flight [m]: from further away only its first step is in view, or its edge hides it."""
-    slow_m_s: float = 0.1
-    """Mean belt speed onto the stair and off the stair [m/s]."""
-    enter_from_m: float = 0.22
-    """Distance of the leading pulley before the flight from which the chair enters it [m]."""
-    gap_m: float = 0.45
-    """Distance of the leading pulley before the nosing at a missing step at which the chair stops for good [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +77,7 @@ class FlightSituation:
     """Readings, tracked stair and state of one traversal at a tick, and what both directions conclude from them.
 
     Args:
-        config: Chair, payload, speeds and distances.
+        config: Chair, payload, speed and number of flights.
         way: Direction.
     """
 
@@ -106,7 +90,7 @@ class FlightSituation:
         self._loading = Loading(chair=chair, payload_kg=config.payload_kg)
         self._pivot_m = 0.5 * chair.tracks.flat_run_m
         self._half_width_m = chair.half_width_m
-        self._needs_m = chair.swept_half_m + SIDE_MARGIN_M
+        self._needs_m = chair.swept_half_m + SIDE_M
         """Half width that the flight must have on either side of the chair's middle [m]."""
         self.phase: Phase = "search"
         self.cause = "start of the run"
@@ -128,7 +112,7 @@ class FlightSituation:
     def face_flight(self) -> None:
         """Reset everything that belongs to one flight."""
         self._where = StairTracker()
-        self._level = LevelSteering(LevelConfig(gauge_m=self._config.chair.tracks.gauge_m))
+        self._level = LevelSteering(self._config.chair.tracks.gauge_m)
         self._skid = SkidMonitor()
         self._narrow_maps = 0
         self._goes_back = False
@@ -156,7 +140,7 @@ class FlightSituation:
                 # Without a heading the distances of a map along the chair are not those up the flight.
                 if signal.direction == self._way.direction and self._estimate is not None:
                     self._where.update(signal)
-                    self._narrow_maps = self._narrow_maps + 1 if self._free_m() < self._half_width_m - NARROW_M else 0
+                    self._narrow_maps = self._narrow_maps + 1 if self._free_m() < self._half_width_m - SIDE_M else 0
             case FlipperReading():
                 self._flipper_planner.update(signal)
             case OperatorInput():
@@ -178,9 +162,10 @@ class FlightSituation:
         if here_m > self._furthest_m + FURTHER_M:
             self._furthest_m, self.stalled_s = here_m, 0.0
 
-    def enter(self, phase: Phase, cause: str, way: float) -> None:
+    def enter(self, phase: Phase, cause: str, *, back: bool) -> None:
         """Begin a state that goes along the traversal, or against it."""
-        self.phase, self.cause, self._from_m, self._goes = phase, cause, self._where.travel_m, way * self._way.sign
+        self.phase, self.cause, self._from_m = phase, cause, self._where.travel_m
+        self._goes = -self._way.sign if back else self._way.sign
         self.try_again()
 
     def try_again(self) -> None:
@@ -204,7 +189,7 @@ class FlightSituation:
         if not self._flights_done:
             return f"no stair in view{behind}, to neither side" if self._level.has_swept() else None
         gone_m = self._way.sign * self._where.travel_m
-        if gone_m <= self._config.look_m and self._where.pitch_rad <= 2.0 * LEVEL_RAD:
+        if gone_m <= LOOK_M and self._where.pitch_rad <= 2.0 * LEVEL_RAD:
             return None
         return f"no flight in view{behind} within {gone_m:.1f} m on the landing"
 
@@ -214,7 +199,7 @@ class FlightSituation:
 
     def is_barred_by_a_gap(self) -> str | None:
         """A step is missing before the leading pulley."""
-        return self._missing(self._config.gap_m)
+        return self._missing(KEEPS_M)
 
     def is_too_narrow(self) -> str | None:
         """A wall stands where the chair, square to the flight, would pass; the hold names the remedy."""
@@ -297,7 +282,7 @@ class FlightSituation:
             ready = self._estimate is not None and self._where.map_count
             return replace(self.still, flipper=self._lie()) if ready else self.still
         if self._flights_done:
-            return self.driving(self._way.sign * self._config.slow_m_s, self._level.keep(self._estimate))
+            return self.driving(self._way.sign * SLOW_M_S, self._level.keep(self._estimate))
         turned, self._turned_rad = self._turned_rad, 0.0
         return self.driving(0.0, self._level.sweep(self.t_s, turned))
 
@@ -394,15 +379,14 @@ class FlightSituation:
         return self._tip_over.step(self.t_s, allowed=follows)
 
     def _turning_share(self, square_rad: float) -> float:
-        off_rad = LIFTED_HEADING_RAD if self._estimate is None else abs(self._estimate.heading_rad - square_rad)
-        return turning_share(off_rad, 0.0 if self._tracks is None else abs(self._tracks.right_m_s - self._tracks.left_m_s))
+        return 1.0 if self._estimate is None else turning_share(self._estimate.heading_rad - square_rad)
 
     def is_laid(self) -> str | None:
         """The chair lies on a flight that is in view, its flipper laid or late; a held chair cannot move its flipper."""
         held = self._tracks is not None and self._tracks.brake_on
         if not self._lies_on_a_flight or self._estimate is None or not self._where.map_count or held:
             return None
-        if not self._flipper_planner.is_laid(self.t_s, self._step_m, turning_share(abs(self._estimate.heading_rad), 0.0)):
+        if not self._flipper_planner.is_laid(self.t_s, self._step_m, turning_share(self._estimate.heading_rad)):
             return None
         flipper = "" if self._flipper is None else f", flipper {self._flipper.angle_rad / DEG:+.0f}° off the belts"
         return f"on a flight, pitched by {self._where.pitch_rad / DEG:.1f}°{flipper}, the stair in view"
@@ -412,10 +396,11 @@ class FlightSituation:
 
         Args:
             square_rad: Heading set point.
-            blind: Whether no stair is in view.
+            blind: Whether no stair is in view. A chair that is square is not steered then: belts that follow a drifting gyro turn
+                it; with a belt that has lost friction they turn nothing, which the guard cannot distinguish from gyro drift.
         """
         slip_m_s, roll_back_m = self._slide()
-        spared = blind and self._estimate is not None and abs(self._estimate.heading_rad - square_rad) < BLIND_RAD
+        spared = blind and self._estimate is not None and abs(self._estimate.heading_rad - square_rad) < SQUARE_RAD
         steers = self._skid.steering_allowed(self.t_s, self._tracks, self._estimate, square_rad, slip_m_s, roll_back_m)
         return None if steers and not spared else 0.0
 

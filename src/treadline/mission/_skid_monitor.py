@@ -18,7 +18,7 @@ SLID_M = 0.03
 """Roll-back above which a chair with a heading error counts as sliding [m]."""
 APART_M_S, AWAY_RAD = 0.01, 0.15 * DEG
 """Thresholds of a turn against the belts: mean belt speed difference towards square [m/s] and turn away from square [rad], both
-over ``WINDOW_S``."""
+over ``WINDOW_S``. A slipping chair that turns towards square as fast is still steered."""
 SQUARE_RAD, LOST_RAD = 2.0 * DEG, 8.0 * DEG
 """Heading errors below which a chair has been square, and above which it is lost [rad]. A turn against the belts suspends steering
 only of a chair that has been square and not lost since; otherwise the heading error must be corrected, however much the belts skid.
@@ -28,9 +28,6 @@ SUSPENDED_S = 5.0
 SLIPS_M_S, GRIPS_M_S = 0.04, 0.02
 """Slip-speed hysteresis [m/s]: steering is suspended above ``SLIPS_M_S`` and resumed below ``GRIPS_M_S``. With a heading error
 above ``SQUARE_RAD`` this applies only after a roll-back of ``SLID_M``."""
-TURNS_RAD_S = 0.5 * DEG
-"""Turn rate towards the set point above which a slipping chair with a heading error above ``SQUARE_RAD`` is still steered
-[rad/s]."""
 
 
 class SkidMonitor:
@@ -79,7 +76,7 @@ class SkidMonitor:
         away_rad = side * (self._turned_rad - self._window[0][1])
         if t_s >= self._until_s and self._was_square and away_rad > AWAY_RAD and against_m_s > APART_M_S:
             self._until_s = t_s + SUSPENDED_S
-        returns = -away_rad >= TURNS_RAD_S * (t_s - self._window[0][0])
+        returns = -away_rad * WINDOW_S >= AWAY_RAD * (t_s - self._window[0][0])
         self._note_slip(slip_m_s, abs(off_rad), returns=returns, has_slid=roll_back_m >= SLID_M)
         return t_s >= self._until_s and not self._slips
 

@@ -7,6 +7,7 @@ as the front drops, so that the chair falls more slowly and stops less hard (doc
 
 import math
 
+from treadline.control.flipper import SLOW_M_S
 from treadline.core.angles import DEG
 from treadline.core.signals import TICK_S, ImuSample
 
@@ -15,10 +16,6 @@ TIME_CONSTANT_S = 0.015
 DEAD_BAND_RAD_S = 2.0 * DEG
 """Absolute pitch rate above which the belts act [rad/s]. The belts can change their speed only once; an earlier action would
 prolong the fall (sensitivity: docs/evidence/constants.md)."""
-GAIN_M_RAD = 10.0
-"""Added belt speed per pitch rate beyond the dead band [m/s per rad/s]."""
-LIMIT_M_S = 0.1
-"""Largest added belt speed [m/s]: half the cruise speed."""
 MAX_DURATION_S = 0.4
 """Longest fall [s]; a longer pitch motion is the stair itself or a gyro bias."""
 DECAY_M_S2 = 0.2
@@ -49,13 +46,12 @@ class TipOverFeedforward:
             t_s: Mission time.
             allowed: Whether speed may be added; speed that was added before still decreases.
         """
-        beyond = max(abs(self.rate_rad_s) - DEAD_BAND_RAD_S, 0.0)
-        if beyond == 0.0:
+        if abs(self.rate_rad_s) <= DEAD_BAND_RAD_S:
             self._since_s = None
         elif self._since_s is None:
             self._since_s = t_s
         falls = allowed and self._since_s is not None and t_s - self._since_s < MAX_DURATION_S
-        asked = math.copysign(min(GAIN_M_RAD * beyond, LIMIT_M_S), self.rate_rad_s) if falls else 0.0
+        asked = math.copysign(SLOW_M_S, self.rate_rad_s) if falls else 0.0  # belts at the slow speed do not turn round
         kept = math.copysign(max(abs(self._added_m_s) - DECAY_M_S2 * TICK_S, 0.0), self._added_m_s)
         self._added_m_s = asked if abs(asked) > abs(kept) else kept
         return self._added_m_s

@@ -6,7 +6,6 @@ speed is the integral of the IMU's specific force along the chair, minus gravity
 """
 
 import math
-from dataclasses import dataclass
 
 from treadline.core.signals import ImuSample, TrackReading
 from treadline.scenario.chair import GRAVITY_M_S2
@@ -16,36 +15,24 @@ LEAST_M_S2 = 0.15
 smaller acceleration is below the resolution of the measurement."""
 MOST_SLIP = 0.7
 """Slip ratio above which the test is lost, whatever acceleration was commanded."""
-STALLED_M_S = 0.02
-"""Belt speed below which the pulse has not moved the belts [m/s]; the test is lost, because it measured no friction."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TractionConfig:
-    """Friction demand, limit and timing of the traction test."""
-
-    share: float = 0.085
-    """Friction demand of the pulse in excess of tan β, as a share of tan β."""
-    wanted: float = 0.065
-    """Required friction in excess of tan β, as a share of tan β: between 0.05, which must be refused, and 0.10, which must not."""
-    rest_s: float = 0.6
-    """Rest before the pulse [s]; gravity and bias are averaged over its second half."""
-    pulse_s: float = 0.6
-    """Duration of the pulse [s]."""
-    brake_s: float = 0.3
-    """Duration of the stop after a lost pulse [s]."""
+DEMAND = 0.085
+"""Friction demand of the pulse in excess of tan β, as a share of tan β."""
+WANTED = 0.065
+"""Required friction in excess of tan β, as a share of tan β: between 0.05, which must be refused, and 0.10, which must not."""
+PULSE_S = 0.6
+"""Duration of the pulse, and of the rest before it [s]; gravity and bias are averaged over the second half of the rest."""
 
 
 class TractionTest:
     """One test pulse of the belts and its verdict.
 
     Args:
-        config: Friction demand, limit and timing.
         slope_rad: Slope β of the flight [rad].
     """
 
-    def __init__(self, config: TractionConfig, slope_rad: float) -> None:
-        self._config = config
+    def __init__(self, slope_rad: float) -> None:
         self._slope_rad = slope_rad
         self._begin()
 
@@ -70,26 +57,27 @@ class TractionTest:
         since, dt_s = signal.t_s - self._began_s, signal.t_s - self._t_s
         self._t_s = signal.t_s
         push = signal.linear_acceleration_m_s2[0] - GRAVITY_M_S2 * math.sin(signal.pitch_rad)
-        if 0.5 * self._config.rest_s < since <= self._config.rest_s:
+        if 0.5 * PULSE_S < since <= PULSE_S:
             self._rest_sum += push
             self._pitch_rad = signal.pitch_rad
             self._rest_count += 1
-        elif since > self._config.rest_s and self._slip is None:
+        elif since > PULSE_S and self._slip is None:
             self._moved_m_s += dt_s * (push - self._rest_sum / max(self._rest_count, 1))
-            if since > self._config.rest_s + self._config.pulse_s:
-                self._slip = 1.0 - self._moved_m_s / self._belts_m_s if self._belts_m_s > STALLED_M_S else 1.0
+            if since > 2.0 * PULSE_S:
+                # Belts that stall lose the test: they are counted as the slowest that a pulse asks for.
+                self._slip = 1.0 - self._moved_m_s / max(self._belts_m_s, LEAST_M_S2 * PULSE_S)
 
     @property
     def speed_m_s(self) -> float:
         """Belt speed to command at present [m/s]."""
-        since = 0.0 if self._began_s is None else self._t_s - self._began_s - self._config.rest_s
-        if since <= 0.0 or since > self._config.pulse_s:
+        since = 0.0 if self._began_s is None else self._t_s - self._began_s - PULSE_S
+        if since <= 0.0 or since > PULSE_S:
             return 0.0
         return self._asked_m_s2 * since
 
     @property
     def _asked_m_s2(self) -> float:
-        return max(self._speeding_up(self._config.share), LEAST_M_S2)
+        return max(self._speeding_up(DEMAND), LEAST_M_S2)
 
     def _speeding_up(self, share: float) -> float:
         """Return the acceleration along the belts that needs friction of (1 + share)·tan β [m/s²]."""
@@ -98,9 +86,8 @@ class TractionTest:
 
     @property
     def over(self) -> bool:
-        """Whether the pulse has ended, and after a lost pulse the stop; after a passed test the belts continue without a jolt."""
-        since = -math.inf if self._began_s is None else self._t_s - self._began_s - self._config.rest_s - self._config.pulse_s
-        return self._slip is not None and since > (0.0 if self.holds else self._config.brake_s)
+        """Whether the pulse has ended; after a passed test the belts continue without a jolt."""
+        return self._slip is not None
 
     @property
     def slip(self) -> float:
@@ -110,4 +97,4 @@ class TractionTest:
     @property
     def holds(self) -> bool:
         """Whether the friction suffices."""
-        return self.slip < min(1.0 - self._speeding_up(self._config.wanted) / self._asked_m_s2, MOST_SLIP)
+        return self.slip < min(1.0 - self._speeding_up(WANTED) / self._asked_m_s2, MOST_SLIP)

@@ -19,7 +19,6 @@ RANGE_M = 6.0
 """Depth beyond which the camera has no return."""
 SHADES = {"tread": 190, "riser": 90}
 """Brightness of the two kinds of surface, of 255."""
-DOWN_W = np.array([0.0, 0.0, -1.0])
 
 
 View = tuple[float, bool, int, float]
@@ -73,7 +72,7 @@ def _frame(camera: PinholeCamera, view: View, rng: np.random.Generator, *, rises
         depth_m=depth_m.astype(np.float32),
         camera=camera,
     )
-    return frame, (R_WB @ camera.R_BC).T @ DOWN_W
+    return frame, -(R_WB @ camera.R_BC)[2]
 
 
 def _cast(

@@ -7,23 +7,31 @@ flipper end each phase; the plan carries the reason, which the mission logs as a
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 from treadline.control.belt_allocation import inner_speed_ratio
-from treadline.control.crest_sequence import Crest, CrestCommand, CrestConfig
-from treadline.control.flipper import LIES_RAD, OVER_BELTS_RAD, PATIENCE_S
+from treadline.control.crest_sequence import Crest, CrestCommand
+from treadline.control.flipper import LIES_RAD, OFF_RAD, OVER_BELTS_RAD, PATIENCE_S, SLOW_M_S, THERE_RAD
 from treadline.core.angles import DEG
 from treadline.core.signals import HeadingEstimate, ImuSample, MotionPlan, TrackReading
-from treadline.estimation.stair_tracker import Side
+from treadline.estimation.stair_tracker import NEAR_M, Side
 from treadline.mission._automaton import Automaton, Exits, State
-from treadline.mission._situation import ASIDE_M, LEVEL_RAD, FlightSituation, TraversalConfig, Way, on_the_tip
-from treadline.mission._traction_test import TractionConfig, TractionTest
-from treadline.mission.planner import PlannerInput
+from treadline.mission._situation import (
+    ASIDE_M,
+    ENTER_FROM_M,
+    KEEPS_M,
+    LEVEL_RAD,
+    FlightSituation,
+    Way,
+    on_the_tip,
+)
+from treadline.mission._traction_test import WANTED, TractionTest
+from treadline.mission.planner import PlannerInput, TraversalConfig
 
-CREST_SPARE_RAD, CREST_KEEP_M_S_RAD = 1.7 * DEG, 3.0
-"""Heading error that is not corrected over the crest [rad], and half the belt speed difference per heading error beyond it
-[m/s per rad]. Only the gyro measures the heading there. A gyro drift of 1 °/s for six seconds caused a heading error of 5.0° with
-this dead band and 6.3° without; with a sound gyro the error was at most 2.9° with and 2.1° without (28 and 30°, six runs)."""
+CREST_SPARE_RAD = 1.7 * DEG
+"""Heading error that is not corrected over the crest [rad]. Only the gyro measures the heading there. A gyro drift of 1 °/s for six
+seconds caused a heading error of 5.0° with this dead band and 6.3° without; with a sound gyro the error was at most 2.9° with and
+2.1° without (28 and 30°, six runs, at twice the present gain)."""
 
 
 UP = Way(direction="up", sign=1.0, rides_rad=-0.75 * DEG)
@@ -31,46 +39,22 @@ UP = Way(direction="up", sign=1.0, rides_rad=-0.75 * DEG)
 spare."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AscentConfig(TraversalConfig):
-    """Distances, angles and speeds of a traversal up; distances along the belts unless stated otherwise."""
-
-    idle_rad: float = 6.0 * DEG
-    """Flipper angle error that counts as a fault while the belts are on the floor [rad]. A traversal up does not begin with a
-    flipper that could not lower the chair over the crest."""
-    touched_rad: float = 4.0 * DEG
-    """Pitch at which the belts have touched the first nosing, and difference from the slope at which they lie on two [rad]."""
-    pulses: int = 2
-    """Number of lost traction tests after which the chair backs off. One may be lost by chance: a belt that meets a step during the
-    pulse loses a quarter of its speed."""
-    crest_from_m: float = 1.2
-    """Distance of the front pulley before the last nosing at which the crest sequence takes over [m]; it slows the chair down."""
-    unseen_end_m: float = 0.10
-    """Distance of the front pulley before the last mapped nosing at which the flight counts as ended [m], even if no map showed its
-    end. Earlier frames would have shown a further nosing."""
-    landed_m: float = 0.3
-    """Travel on the landing, beyond the flat run of the belts, after which the chair has landed even if the landing is not
-    horizontal [m]."""
-    back_off_m: float = 0.5
-    """Distance to back off from the stair before the refusal [m]."""
-    aside_rad_m: float = 10.0 * DEG
-    """Heading set point per metre of missing distance [rad/m]."""
-    aside_limit_rad: float = 2.0 * DEG
-    """Largest such heading set point [rad]."""
-    traction: TractionConfig = field(default_factory=TractionConfig)
+PULSES = 2
+"""Number of lost traction tests after which the chair backs off. One may be lost by chance: a belt that meets a step during the
+pulse loses a quarter of its speed."""
+ASIDE_RAD_M, ASIDE_RAD = 10.0 * DEG, 2.0 * DEG
+"""Heading set point per metre of missing distance to a side [rad/m], and the largest such set point [rad]."""
 
 
 class Ascent(FlightSituation):
     """Planner of one traversal up.
 
     Args:
-        config: Distances, angles and speeds.
+        config: Chair, payload, speed and number of flights.
         states: Table of states; None for ``STATES_UP``.
     """
 
-    _config: AscentConfig
-
-    def __init__(self, config: AscentConfig, states: "Sequence[State[Ascent]] | None" = None) -> None:
+    def __init__(self, config: TraversalConfig, states: "Sequence[State[Ascent]] | None" = None) -> None:
         super().__init__(config, UP)
         self._automaton = Automaton(STATES_UP if states is None else states)
         self._end = ""
@@ -107,7 +91,7 @@ class Ascent(FlightSituation):
     def enters(self) -> bool:
         """Whether the chair is about to drive onto the flight: a side that was not in view does not count as wide enough."""
         where = self._where
-        return self.phase != "align" and (self._before_m < self._config.enter_from_m or where.pitch_rad > self._config.touched_rad)
+        return self.phase != "align" and (self._before_m < ENTER_FROM_M or where.pitch_rad > OFF_RAD)
 
     def is_square(self) -> str | None:
         """Square to the flight for half a second."""
@@ -119,11 +103,11 @@ class Ascent(FlightSituation):
 
     def has_an_idle_flipper(self) -> str | None:
         """The flipper stands off its commanded angle with the belts on the floor; each re-arm allows another try."""
-        if self._flipper is None or self._where.pitch_rad > self._config.touched_rad:
+        if self._flipper is None or self._where.pitch_rad > OFF_RAD:
             return None
         stands, asked = self._flipper.angle_rad, self._mounting_rad
         off_rad = abs(stands - asked)
-        if not self._flipper_planner.is_late(self.t_s, off_rad if off_rad > self._config.idle_rad else 0.0):
+        if not self._flipper_planner.is_late(self.t_s, off_rad if off_rad > THERE_RAD else 0.0):
             return None
         seen = f"stands at {stands / DEG:.0f}° above the belts where {asked / DEG:.0f}° are asked"
         return f"the flipper {seen}: it would not carry the chair"
@@ -149,7 +133,7 @@ class Ascent(FlightSituation):
     def lies_on_two_nosings(self) -> str | None:
         """The belts lie on two nosings, the rear still on the floor."""
         ahead, where = self._where.ahead_m(), self._where
-        if len(ahead) < 2 or ahead[0] >= self._lift_off_m() or where.pitch_rad <= where.slope_rad - self._config.touched_rad:
+        if len(ahead) < 2 or ahead[0] >= self._lift_off_m() or where.pitch_rad <= where.slope_rad - OFF_RAD:
             return None
         return f"the belts lie on two nosings, pitch {where.pitch_rad / DEG:.1f}°"
 
@@ -157,7 +141,7 @@ class Ascent(FlightSituation):
         """Drives at the first step, slower near it, with the flipper lowered to clear the next step."""
         config = self._config
         nose_m = config.chair.reach_m - self._pivot_m  # the flipper meets the nosing before the pulley
-        speed = config.slow_m_s if self._before_m < nose_m else config.cruise_m_s
+        speed = SLOW_M_S if self._before_m < nose_m else config.cruise_m_s
         turn = self._level.keep(self._estimate, self._aside())
         flipper = self._flipper_planner.to(self.t_s, self._mounting_rad)
         return replace(self.still, speed_m_s=speed, turn_m_s=turn, flipper=flipper)
@@ -188,13 +172,13 @@ class Ascent(FlightSituation):
 
     def begin_traction_test(self) -> None:
         """Prepare the first pulse of the traction test."""
-        self._traction, self._pulses = TractionTest(self._config.traction, self._where.slope_rad), 1
+        self._traction, self._pulses = TractionTest(self._where.slope_rad), 1
 
     def test_traction(self) -> MotionPlan:
         """Accelerates with slightly more friction demand than the flight needs; a lost pulse is made again once."""
         test = self._traction
         if test is None or test.over:
-            self._traction = TractionTest(self._config.traction, self._where.slope_rad)
+            self._traction = TractionTest(self._where.slope_rad)
             self._pulses += 1
             return self.still
         # In line with the belts the flipper carries nothing yet, and is already near its riding angle for the first fall.
@@ -207,10 +191,10 @@ class Ascent(FlightSituation):
 
     def slips(self) -> str | None:
         """The belts slipped in the last pulse of the traction test."""
-        test, config = self._traction, self._config
-        if test is None or not test.over or test.holds or self._pulses < config.pulses:
+        test = self._traction
+        if test is None or not test.over or test.holds or self._pulses < PULSES:
             return None
-        wanted = (1.0 + config.traction.wanted) * math.tan(self._where.slope_rad)
+        wanted = (1.0 + WANTED) * math.tan(self._where.slope_rad)
         return f"too little friction: {self._slip_of(test)}, so it is below {wanted:.2f}; dry or roughen the nosings"
 
     @staticmethod
@@ -224,13 +208,13 @@ class Ascent(FlightSituation):
     def back_off(self) -> MotionPlan:
         """Backs down and off the flight: the flipper rides on the nosings, and is lifted before the rear reaches the floor."""
         if self._before_m < -2.0 * self._pivot_m - self._step_m:
-            return self.driving(-self._config.slow_m_s, self._steering(), self._lie())
+            return self.driving(-SLOW_M_S, self._steering(), self._lie())
         flipper = self._flipper_planner.to(self.t_s, self._stepping_rad)
-        return self.driving(-self._config.slow_m_s, self._level.keep(self._estimate), flipper)
+        return self.driving(-SLOW_M_S, self._level.keep(self._estimate), flipper)
 
     def is_backed_off(self) -> str | None:
         """The chair stands on the floor, half a metre from the flight: it is refused for the reason for which it backed off."""
-        backed = self._where.pitch_rad < LIES_RAD and self._from_m - self._where.travel_m > self._config.back_off_m
+        backed = self._where.pitch_rad < LIES_RAD and self._from_m - self._where.travel_m > KEEPS_M
         return self.cause if backed else None
 
     def is_sent_back(self) -> str | None:
@@ -270,7 +254,7 @@ class Ascent(FlightSituation):
 
     def _aside(self) -> float:
         """Return the heading set point away from a near side, or towards the middle between two: walls or drops [rad]."""
-        config, clear_m = self._config, self._needs_m + ASIDE_M
+        clear_m = self._needs_m + ASIDE_M
         left, right = self._bound_m("left"), self._bound_m("right")
         if left is not None and right is not None:
             lacking = 0.5 * (right - left)
@@ -279,7 +263,7 @@ class Ascent(FlightSituation):
         else:
             lacking = 0.0 if right is None else -max(clear_m - right, 0.0)
         # A negative heading leads to the right, away from a wall on the left.
-        return -min(max(config.aside_rad_m * lacking, -config.aside_limit_rad), config.aside_limit_rad)
+        return -min(max(ASIDE_RAD_M * lacking, -ASIDE_RAD), ASIDE_RAD)
 
     def _bound_m(self, side: Side) -> float | None:
         """Return the distance from the chair's middle to the wall or the drop on a side [m]; None without one in view."""
@@ -290,12 +274,11 @@ class Ascent(FlightSituation):
 
     def _cross(self) -> None:
         """Begin the crest sequence near the end of the flight, end it when a further nosing comes into view, and step it."""
-        config, where, around = self._config, self._where, self._around
-        before_m = math.inf if around is None else around.top.ahead_m - self._pivot_m
-        unseen = before_m < config.unseen_end_m
-        if self._crest is None and around is not None and ((where.top_ends and before_m < config.crest_from_m) or unseen):
-            crest_config = CrestConfig(chair=config.chair, payload_kg=config.payload_kg, cruise_m_s=config.cruise_m_s)
-            self._crest = Crest(crest_config, around)
+        where, around = self._where, self._around
+        top_m = math.inf if around is None else around.top.ahead_m
+        unseen = top_m - self._pivot_m < ENTER_FROM_M  # earlier frames would have shown a further nosing
+        if self._crest is None and around is not None and ((where.top_ends and top_m < NEAR_M) or unseen):
+            self._crest = Crest(self._loading, self._config.cruise_m_s, around)
             seen = "seen" if where.top_ends else "no nosing seen beyond"
             self._end = f"end of the flight, {seen}"
         elif self._crest is not None and self._is_climbing and not (where.top_ends or unseen):
@@ -337,7 +320,7 @@ class Ascent(FlightSituation):
         command = self._command
         if command is None:
             return self.still
-        turn = self._level.keep(self._estimate, spare_rad=CREST_SPARE_RAD, keep_m_s_rad=CREST_KEEP_M_S_RAD)
+        turn = self._level.keep(self._estimate, spare_rad=CREST_SPARE_RAD)
         # Until the flipper's tip carries load, only the belts can soften the rocking of a chair that stops on its nosings.
         feedforward = self._pitch_feedforward(allowed=command.stage == "reach")
         return self.driving(command.speed_m_s + feedforward, turn, command.flipper)
@@ -347,7 +330,7 @@ class Ascent(FlightSituation):
         return f"on the landing, pitch {self._where.pitch_rad / DEG:.1f}°, clear of the last nosing" if self._is_clear() else None
 
     def _is_clear(self) -> bool:
-        beyond_m = 2.0 * self._pivot_m + self._config.landed_m
+        beyond_m = 2.0 * self._pivot_m + KEEPS_M
         is_level = abs(self._where.pitch_rad) < LEVEL_RAD
         return self._stage_in("done") is not None and (is_level or self._where.travel_m - self._from_m > beyond_m)
 
@@ -428,7 +411,7 @@ STATES_UP: tuple[State[Ascent], ...] = (
         limit_s=30.0,
         exits={Ascent.is_backed_off: "refused"},
         begins=Ascent.forget_traction_test,
-        way=-1.0,
+        back=True,
     ),
     State("arrived", Ascent.stand, limit_s=math.inf),
     State("refused", Ascent.stand, limit_s=math.inf),

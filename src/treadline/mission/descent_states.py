@@ -7,19 +7,28 @@ would pitch onto its front (docs/decisions/0013).
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-from treadline.control.edge_sequence import STOWED_RAD, Edge, EdgeCommand, EdgeConfig
+from treadline.control.belt_allocation import GENTLE_M_S2
+from treadline.control.edge_sequence import Edge, EdgeCommand
+from treadline.control.flipper import FLIPPER_RAD_S, GENTLY_RAD_S, SLOW_M_S, THERE_RAD
 from treadline.core.angles import DEG
 from treadline.core.signals import FlipperCommand, HeadingEstimate, MotionPlan
 from treadline.estimation.known_nosings import SIGMAS
 from treadline.estimation.stair_tracker import NEAR_M
 from treadline.mission._automaton import Automaton, State
-from treadline.mission._flipper_planner import FLIPPER_RAD_S
-from treadline.mission._situation import ASIDE_M, LEVEL_RAD, FlightSituation, TraversalConfig, Way, beside, on_the_tip
+from treadline.mission._situation import (
+    ASIDE_M,
+    ENTER_FROM_M,
+    KEEPS_M,
+    LEVEL_RAD,
+    FlightSituation,
+    Way,
+    beside,
+    on_the_tip,
+)
+from treadline.mission.planner import TraversalConfig
 
-LETS_DOWN_RAD_S = 3.0 * DEG
-"""Rate at which the flipper is lifted out of the belts' line [rad/s], slow enough that a chair leaning on it follows."""
 RESTS = ("settle", "leave")
 """Stages of the edge sequence with the chair on nosings and little load on the tip: the tip-over feed-forward acts there."""
 
@@ -29,41 +38,21 @@ DOWN = Way(direction="down", sign=-1.0, rides_rad=-2.5 * DEG)
 smoothly."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DescentConfig(TraversalConfig):
-    """Distances, angles and speeds of a traversal down; distances along the belts unless stated otherwise."""
-
-    max_heading_error_rad: float = 4.0 * DEG
-    """Heading error on the flight above which the chair turns by climbing [rad]: belts that back down and turn diverge."""
-    past_m: float = 0.1
-    """Largest distance of the front pulley past the edge when the chair lies on the flight [m]."""
-    slow_from_m: float = 0.5
-    """Distance of the rear pulley before the last nosing at which the chair has slowed down [m]."""
-    slows_m: float = 0.1
-    """Travel over which the chair slows down [m]: belts that brake at once downhill tip the chair backwards."""
-    lift_from_m: float = 0.28
-    """Distance of the front pulley before the last nosing but one at which the flipper is lifted [m]. The rear is about to reach
-    the floor, so that the flipper no longer has to carry."""
-    lifted_m: float = 0.03
-    """Distance of the front pulley before that nosing at which the flipper must have been lifted [m]."""
-    short_rad: float = 8.0 * DEG
-    """Largest angle below step clearance at which the flipper counts as lifted [rad]. A lower flipper would lie on the last nosing
-    and drop off it as the chair leaves."""
-    unseen_m: float = 0.25
-    """Distance of the rear pulley before the last mapped nosing at which the chair stops [m] if no map showed the floor beyond."""
+OFF_HEADING_RAD = 4.0 * DEG
+"""Heading error on the flight above which the chair turns by climbing [rad]: belts that back down and turn diverge."""
+LIFTED_M = 0.03
+"""Distance of the front pulley before that nosing at which the flipper must have been lifted [m]."""
 
 
 class Descent(FlightSituation):
     """Planner of one traversal down.
 
     Args:
-        config: Distances, angles and speeds.
+        config: Chair, payload, speed and number of flights.
         states: Table of states; None for ``STATES_DOWN``.
     """
 
-    _config: DescentConfig
-
-    def __init__(self, config: DescentConfig, states: "Sequence[State[Descent]] | None" = None) -> None:
+    def __init__(self, config: TraversalConfig, states: "Sequence[State[Descent]] | None" = None) -> None:
         super().__init__(config, DOWN)
         self._automaton = Automaton(STATES_DOWN if states is None else states)
 
@@ -97,7 +86,7 @@ class Descent(FlightSituation):
     def enters(self) -> bool:
         """Whether the chair is about to drive onto the flight: a side that was not in view does not count as wide enough."""
         edge = self._where.top_ahead_m()
-        return self.phase != "align" and (edge is None or -edge - self._pivot_m < self._config.enter_from_m)
+        return self.phase != "align" and (edge is None or -edge - self._pivot_m < ENTER_FROM_M)
 
     def has_a_heading_error(self) -> str | None:
         """The chair lies on a flight that is in view, with a heading error that backing down would enlarge."""
@@ -105,7 +94,7 @@ class Descent(FlightSituation):
         if not self._lies_on_a_flight or not self._where.map_count or estimate is None:
             return None
         off = estimate.heading_rad
-        is_large = abs(off) > self._config.max_heading_error_rad
+        is_large = abs(off) > OFF_HEADING_RAD
         return f"on a flight, heading error {off / DEG:+.1f}°: it turns by climbing" if is_large else None
 
     def is_past_the_edge(self) -> str | None:
@@ -136,9 +125,7 @@ class Descent(FlightSituation):
 
     def begin_edge(self) -> None:
         """Prepare the edge sequence."""
-        config, around = self._config, self._around
-        edge_config = EdgeConfig(chair=config.chair, payload_kg=config.payload_kg, cruise_m_s=config.slow_m_s)
-        self._edge = None if around is None else Edge(edge_config, around)
+        self._edge = None if self._around is None else Edge(self._loading, self._around)
 
     def cannot_be_let_down(self) -> str | None:
         """The flipper's range does not suffice to lift the chair to the uppermost nosings."""
@@ -186,7 +173,7 @@ class Descent(FlightSituation):
         pitch = self._where.pitch_rad
         is_level = abs(pitch) < LEVEL_RAD
         off_rad = abs(self._flipper.angle_rad - self._flipper_planner.rest_rad)
-        off_rad = off_rad if is_level and off_rad > STOWED_RAD else 0.0
+        off_rad = off_rad if is_level and off_rad > THERE_RAD else 0.0
         if not self._flipper_planner.is_late(self.t_s, off_rad) and off_rad > 0.0:
             return None
         why = self._turned_back_for or "the flipper could not let the chair down over the edge"
@@ -203,7 +190,7 @@ class Descent(FlightSituation):
     @property
     def _whole_below_edge_m(self) -> float:
         """Distance below the edge over which the flight must be complete [m]: length of the chair on it, and stopping distance."""
-        return 2.0 * self._pivot_m + self._config.past_m + self._config.gap_m
+        return 2.0 * self._pivot_m + KEEPS_M
 
     def _checked_to_m(self, whole_to_m: float) -> float:
         """Return the distance from mid-track up to which a gap counts [m]; further away a detector may miss a single nosing."""
@@ -243,7 +230,7 @@ class Descent(FlightSituation):
     def saw_no_floor(self) -> str | None:
         """The rear pulley is near the last nosing in any map, and no map showed the floor beyond."""
         before = self._before_m
-        is_there = self._tips or before < self._config.unseen_m
+        is_there = self._tips or before < ENTER_FROM_M
         if self._where.bottom_ends or not is_there:
             return None
         return f"nothing was seen beyond the last nosing, {beside(before)} the rear pulley"
@@ -279,22 +266,21 @@ class Descent(FlightSituation):
     @property
     def _tips(self) -> bool:
         before = self._before_m
-        return before < 0.0 or (before < self._config.slow_from_m and self._where.pitch_rad < LEVEL_RAD)
+        return before < 0.0 or (before < KEEPS_M and self._where.pitch_rad < LEVEL_RAD)
 
     def descend(self) -> MotionPlan:
         """Backs down, slower near the last nosing, and lifts the flipper before the rear reaches the floor."""
-        config, before = self._config, self._before_m
-        is_near = before < config.slow_from_m
-        hasty = min(max((before - config.slow_from_m) / config.slows_m, 0.0), 1.0)
-        speed = -(config.slow_m_s + hasty * (config.cruise_m_s - config.slow_m_s))
-        flipper = self._lift() if self._last_step_m < config.lift_from_m else self._lie()
+        before = self._before_m
+        is_near = before < KEEPS_M
+        speed = -min(math.sqrt(SLOW_M_S**2 + 2.0 * GENTLE_M_S2 * max(before - KEEPS_M, 0.0)), self._config.cruise_m_s)
+        flipper = self._lift() if self._last_step_m < ENTER_FROM_M else self._lie()
         plan = self.driving(speed, self._steering(blind=is_near), flipper)
         return replace(plan, pitch_feedforward_m_s=self._pitch_feedforward(), needs_stair=not is_near)
 
     def leave(self) -> MotionPlan:
         """Backs off the last nosings with the flipper lifted."""
         is_low = self._low_rad > 0.0
-        speed, turn = (0.0, 0.0) if is_low else (-self._config.slow_m_s, self._level.keep(self._estimate))
+        speed, turn = (0.0, 0.0) if is_low else (-SLOW_M_S, self._level.keep(self._estimate))
         return self.driving(speed, turn, self._lift())
 
     def stow(self) -> MotionPlan:
@@ -309,19 +295,19 @@ class Descent(FlightSituation):
     def _lift(self) -> FlipperCommand | None:
         """Return the command that lifts the flipper: slowly while the chair may lean on it."""
         leans = self._flipper is not None and self._flipper.angle_rad < 0.0
-        return self._flipper_planner.to(self.t_s, self._stepping_rad, lifts_rad_s=LETS_DOWN_RAD_S if leans else FLIPPER_RAD_S)
+        return self._flipper_planner.to(self.t_s, self._stepping_rad, lifts_rad_s=GENTLY_RAD_S if leans else FLIPPER_RAD_S)
 
     @property
     def _low_rad(self) -> float:
         """Angle by which the flipper still has to be lifted to clear a step near the last nosings [rad]; 0 without a flipper."""
-        if self._flipper is None or self._last_step_m >= self._config.lifted_m:
+        if self._flipper is None or self._last_step_m >= LIFTED_M:
             return 0.0
-        return max(self._stepping_rad - self._config.short_rad - self._flipper.angle_rad, 0.0)
+        return max(self._stepping_rad - THERE_RAD - self._flipper.angle_rad, 0.0)
 
     @property
     def _gently_s(self) -> float:
         """Time that the flipper needs to reach the belts' line [s]."""
-        return 0.0 if self._flipper is None else max(-self._flipper.angle_rad, 0.0) / LETS_DOWN_RAD_S
+        return 0.0 if self._flipper is None else max(-self._flipper.angle_rad, 0.0) / GENTLY_RAD_S
 
 
 STATES_DOWN: tuple[State[Descent], ...] = (
@@ -374,7 +360,7 @@ STATES_DOWN: tuple[State[Descent], ...] = (
         Descent.turn_by_climbing,
         limit_s=60.0,
         exits={Descent.cannot_go_back: "hold", Descent.has_turned: "descend"},
-        way=-1.0,
+        back=True,
     ),
     State(
         "descend",

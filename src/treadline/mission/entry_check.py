@@ -8,6 +8,7 @@ import math
 
 from treadline.core.angles import DEG
 from treadline.core.step_sizes import RISE_M, RUN_M
+from treadline.estimation.known_nosings import SIGMAS
 from treadline.scenario.chair import ChairDescription
 from treadline.vehicle.linkage import SeatLinkage
 from treadline.vehicle.loading import Loading, centre_of_mass_level
@@ -21,12 +22,10 @@ UNKNOWN_RAD = 5.0 * DEG
 degrees. ``check`` knows the place of the passenger and requires the whole margin."""
 MEASURED_M = 0.01
 """Reserve for the error of the measured nosing distance [m]."""
-SHAPE_SIGMAS = 3.0
-"""Half axes of the ellipse of rise and run that may be true, in standard deviations: 98.9 % in two dimensions, and 89 % with the
-tracker's mean squared error of 2 for the rise on approach. A refusal from afar is for good; right before the flight the measured
-values count."""
 ELLIPSE = tuple((math.cos(turn), math.sin(turn)) for turn in (k * math.tau / 16 for k in range(16)))
-"""Directions to points of the ellipse."""
+"""Directions to points of the ellipse of rise and run that may be true. Its half axes of ``SIGMAS`` hold 98.9 % in two dimensions,
+and 89 % with the tracker's mean squared error of 2 for the rise on approach. A refusal from afar is for good; right before the
+flight the measured values count."""
 
 
 def certain_reject_reason(
@@ -46,8 +45,8 @@ def certain_reject_reason(
     if reason is None or not all(map(math.isfinite, sigmas_m)):
         return None
     for along_rise, along_run in ELLIPSE:
-        rise = min(max(rise_m + SHAPE_SIGMAS * along_rise * sigmas_m[0], RISE_M[0]), RISE_M[1])
-        run = min(max(run_m + SHAPE_SIGMAS * along_run * sigmas_m[1], RUN_M[0]), RUN_M[1])
+        rise = min(max(rise_m + SIGMAS * along_rise * sigmas_m[0], RISE_M[0]), RISE_M[1])
+        run = min(max(run_m + SIGMAS * along_run * sigmas_m[1], RUN_M[0]), RUN_M[1])
         if reject_reason(chair, payload_kg, rise, run, math.atan2(rise, run)) is None:
             return None
     return reason

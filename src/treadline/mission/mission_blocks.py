@@ -13,12 +13,12 @@ from treadline.estimation import FilterConfig, HeadingFilter, OffsetEstimator
 from treadline.guard import Guard, GuardConfig
 from treadline.mission._blocks import Detector
 from treadline.mission._warm_up import stair_frames
-from treadline.mission.ascent_states import Ascent, AscentConfig
+from treadline.mission.ascent_states import Ascent
 from treadline.mission.belt_controllers import ConstantSpeed, Driver
-from treadline.mission.descent_states import Descent, DescentConfig
+from treadline.mission.descent_states import Descent
 from treadline.mission.loop import Blocks, Estimator
 from treadline.mission.mission_config import MissionConfig, Plugins, is_full_traversal
-from treadline.mission.planner import Cruise, Planner
+from treadline.mission.planner import Cruise, Planner, TraversalConfig
 from treadline.perception import DetectorConfig, StairDetector
 from treadline.perception.frame_quality import quality_of
 from treadline.perception.free_ground import ground_ahead
@@ -67,14 +67,11 @@ def planner_of(config: MissionConfig, driver: Driver | None = None) -> Planner:
                 "coming down needs a chair with a flipper, a closed loop and robust vision; set chair.model = 'wheelchair'"
             )
         return Cruise(config.climb_speed_m_s)
-    if config.direction == "down":
-        chair.camera_at(rear=True)  # raises where there is none
-        return Descent(
-            DescentConfig(chair=chair, payload_kg=config.payload_kg, cruise_m_s=config.climb_speed_m_s, flights=config.flights)
-        )
-    return Ascent(
-        AscentConfig(chair=chair, payload_kg=config.payload_kg, cruise_m_s=config.climb_speed_m_s, flights=config.flights)
-    )
+    asked = TraversalConfig(chair=chair, payload_kg=config.payload_kg, cruise_m_s=config.climb_speed_m_s, flights=config.flights)
+    if config.direction == "up":
+        return Ascent(asked)
+    chair.camera_at(rear=True)  # raises where there is none
+    return Descent(asked)
 
 
 def build_blocks(config: MissionConfig, driver: Driver | None = None) -> Blocks:

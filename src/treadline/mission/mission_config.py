@@ -8,6 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal, Protocol, runtime_checkable
 
+from treadline.control.belt_allocation import CRUISE_M_S
+from treadline.core import paper
 from treadline.core.models import ControllerDesign, Reconstruct
 from treadline.mission._blocks import Detector
 from treadline.mission.belt_controllers import Driver
@@ -83,9 +85,9 @@ class MissionConfig:
     plugins: Plugins = field(default_factory=Plugins)
     """Blocks that replace the shipped ones."""
     direction: Literal["up", "down"] = "up"
-    payload_kg: float = 50.0
+    payload_kg: float = paper.PAYLOAD_KG
     """Weight of the passenger as the operator entered it; the place in the seat is unknown."""
-    climb_speed_m_s: float = 0.2
+    climb_speed_m_s: float = CRUISE_M_S
     flights: int | None = None
     """Number of flights to traverse. None: continue as long as another flight is seen across a landing."""
     reports_ground: bool = False

@@ -9,11 +9,9 @@ from dataclasses import replace
 
 from treadline.core.ports import Reading
 from treadline.core.rotations import Rotation, quaternion_of, rotation_of
-from treadline.core.signals import FlipperCommand, ImuSample, SeatCommand, TrackCommand
+from treadline.core.signals import ROUNDING_S, FlipperCommand, ImuSample, SeatCommand, TrackCommand
 from treadline.estimation.tilt import Tilt
 
-ROUNDING_S = 0.5e-9
-"""Half of the resolution of stamps, one nanosecond [s]."""
 UNIT = 0.01
 """Largest deviation of a squared quaternion norm from one; recordings keep few digits."""
 

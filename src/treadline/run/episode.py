@@ -45,10 +45,6 @@ class Traverse(Brief):
     """``arrived`` (on the landing or the floor), ``arrived_rough`` (there, but too rough for a passenger), ``end_of_flight`` (a run
     along one flight that ends at its last nosing), ``held``, ``refused``, ``fell``, ``time_up`` or ``diverged``."""
     cause: str | None
-    duration_s: float
-    """Mission time of the last tick [s]."""
-    phases: tuple[tuple[float, str], ...]
-    """Start time [s] and name of each phase of the mission."""
     scores: Scores | None
     """Scores by ground truth; None without ground truth."""
     trace: Trace
@@ -65,11 +61,9 @@ class Traverse(Brief):
             "verdict": self.verdict,
             "cause": self.cause,
             "seed": self.seed,
-            "duration_s": self.duration_s,
-            "phases": self.phases,
             **({} if self.scores is None else asdict(self.scores)),
             "events": [asdict(event) for event in self.events],
-            "real_time_factor": self.duration_s / max(self.cpu_s, 1e-9),
+            "real_time_factor": max(len(self.estimate_rad) - 1, 0) * TICK_S / max(self.cpu_s, 1e-9),
         }
 
 
@@ -265,8 +259,6 @@ class _EpisodeRecorder:
             seed=self._seed,
             verdict=over[0],
             cause=over[1],
-            duration_s=max(len(self._estimates) - 1, 0) * TICK_S,
-            phases=phases,
             scores=scores,
             trace=trace,
             estimate_rad=np.array(self._estimates),
