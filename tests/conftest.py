@@ -14,6 +14,8 @@ import hypothesis
 import numpy as np
 import pytest
 from jaxtyping import install_import_hook
+from mcap.writer import Writer
+from rosbags import rosbag1, rosbag2, typesys
 
 SOURCE = Path(__file__).parents[1] / "src"
 sys.path.insert(0, str(Path(__file__).parent / "builders"))  # tests import the simulated world from there
@@ -56,15 +58,15 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 START_NS = 1_700_000_000_123_456_789
 """Recordings count from 1970."""
-CHANNELS = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4}
+
+
+Vector = Sequence[float]
 
 
 class Recording:
     """Collects messages and writes them as a file of the kind that its ending says."""
 
     def __init__(self, *, ros1: bool = False) -> None:
-        from rosbags import typesys
-
         self.ros1 = ros1
         self.store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC if ros1 else typesys.Stores.ROS2_HUMBLE)
         self.messages: list[tuple[str, int, str, bytes]] = []
@@ -74,8 +76,8 @@ class Recording:
         height, width = pixels.shape[:2]
         rows = np.ascontiguousarray(pixels).view(np.uint8).reshape(height, -1)
         rows = np.pad(rows, ((0, 0), (0, options.pop("pad", 0))))
-        big = int(pixels.dtype.byteorder == ">")
-        self._add(topic, "sensor_msgs/msg/Image", t_s, (height, width, encoding, big, rows.shape[1], rows.ravel()), **options)
+        fields = (height, width, encoding, int(pixels.dtype.byteorder == ">"), rows.shape[1], rows.ravel())
+        self._add(topic, "sensor_msgs/msg/Image", t_s, fields, **options)
 
     def calibration(self, topic: str, t_s: float, camera: PinholeCamera, **options: Any) -> None:
         region = self._type("sensor_msgs/msg/RegionOfInterest")(0, 0, 0, 0, False)
@@ -83,35 +85,40 @@ class Recording:
         fields = (camera.height_px, camera.width_px, "plumb_bob", np.zeros(5), K, np.eye(3).ravel(), np.zeros(12), 0, 0, region)
         self._add(topic, "sensor_msgs/msg/CameraInfo", t_s, fields, **options)
 
-    def imu(
-        self,
-        topic: str,
-        t_s: float,
-        orientation: Sequence[float] | None,
-        rate: Sequence[float],
-        force: Sequence[float],
-        **options: Any,
-    ) -> None:
+    def imu(self, topic: str, t_s: float, orientation: Vector | None, rate: Vector, force: Vector, **options: Any) -> None:
         """Add an IMU's sample: w, x, y, z, or None if it does not measure that."""
-        vector, zeros, covariance = self._type("geometry_msgs/msg/Vector3"), np.zeros(9), np.zeros(9)
-        if orientation is None:
-            covariance[0] = -1.0
-        w, x, y, z = orientation or (0.0, 0.0, 0.0, 0.0)
-        turn = self._type("geometry_msgs/msg/Quaternion")(x, y, z, w)
+        vector, zeros = self._type("geometry_msgs/msg/Vector3"), np.zeros(9)
+        covariance = np.array([-1.0 if orientation is None else 0.0, *zeros[1:]])
+        w, *xyz = orientation or (0.0, 0.0, 0.0, 0.0)
+        turn = self._type("geometry_msgs/msg/Quaternion")(*xyz, w)
         self._add(topic, "sensor_msgs/msg/Imu", t_s, (turn, covariance, vector(*rate), zeros, vector(*force), zeros), **options)
 
-    def write(self, path: Path) -> Path:
-        if path.suffix == ".mcap":
-            self._write_mcap(path)
-        else:
-            from rosbags import rosbag1, rosbag2
+    def numbers(self, topic: str, t_s: float, values: np.ndarray) -> None:
+        """Add numbers without a stamp."""
+        kind, layout = "std_msgs/msg/Float64MultiArray", self._type("std_msgs/msg/MultiArrayLayout")([], 0)
+        self._append(topic, kind, t_s, self._type(kind)(layout, np.array(values)))
 
-            with rosbag1.Writer(path) if path.suffix == ".bag" else rosbag2.Writer(path, version=9) as writer:
-                connections: dict[str, Any] = {}
-                for topic, logged_ns, kind, data in self.messages:
-                    if topic not in connections:
-                        connections[topic] = writer.add_connection(topic, kind, typestore=self.store)
-                    writer.write(connections[topic], logged_ns, data)
+    def write(self, path: Path, *, storage: str = "SQLITE3", packed: str = "", **options: Any) -> Path:
+        """Write a file, or a folder of ROS 2.
+
+        Args:
+            storage: Files in a folder of ROS 2: SQLITE3 or MCAP.
+            packed: Compression of a bag of ROS 1: BZ2 or LZ4.
+            options: Of the writer of MCAP.
+        """
+        if path.suffix == ".mcap":
+            return self._write_mcap(path, {"enable_data_crcs": True} | options)
+        writer: Any = rosbag1.Writer(path)
+        if path.suffix != ".bag":
+            writer = rosbag2.Writer(path, version=9, storage_plugin=rosbag2.StoragePlugin[storage])
+        elif packed:
+            writer.set_compression(rosbag1.Writer.CompressionFormat[packed])
+        with writer:
+            connections: dict[str, Any] = {}
+            for topic, logged_ns, kind, data in self.messages:
+                if topic not in connections:
+                    connections[topic] = writer.add_connection(topic, kind, typestore=self.store)
+                writer.write(connections[topic], logged_ns, data)
         return path
 
     def _add(
@@ -120,24 +127,26 @@ class Recording:
         stamp_ns = origin_ns + round(t_s * 1e9)
         time = self._type("builtin_interfaces/msg/Time")(stamp_ns // 10**9, stamp_ns % 10**9)
         header = self._type("std_msgs/msg/Header")(*((7,) if self.ros1 else ()), time, "camera")
+        self._append(topic, kind, t_s if logged_s is None else logged_s, self._type(kind)(header, *fields))
+
+    def _append(self, topic: str, kind: str, logged_s: float, message: Any) -> None:
         serialise = self.store.serialize_ros1 if self.ros1 else self.store.serialize_cdr
-        data = bytes(serialise(self._type(kind)(header, *fields), kind))
-        logged_ns = START_NS + round((t_s if logged_s is None else logged_s) * 1e9)
-        self.messages.append((topic, logged_ns, kind, data))
+        self.messages.append((topic, START_NS + round(logged_s * 1e9), kind, bytes(serialise(message, kind))))
 
-    def _write_mcap(self, path: Path) -> None:
-        from mcap.writer import Writer
-
+    def _write_mcap(self, path: Path, options: dict[str, Any]) -> Path:
+        language, encoding, version = ("ros1msg", "ros1", 1) if self.ros1 else ("ros2msg", "cdr", 2)
         with path.open("wb") as file:
-            writer = Writer(file)
-            writer.start(profile="ros2")
+            writer = Writer(file, **options)
+            writer.start(profile=f"ros{version}")
             channels: dict[str, int] = {}
             for topic, logged_ns, kind, data in self.messages:
                 if topic not in channels:
-                    schema = writer.register_schema(kind, "ros2msg", self.store.generate_msgdef(kind, ros_version=2)[0].encode())
-                    channels[topic] = writer.register_channel(topic, "cdr", schema)
+                    definition = self.store.generate_msgdef(kind, ros_version=version)[0].encode()
+                    schema = writer.register_schema(kind, language, definition)
+                    channels[topic] = writer.register_channel(topic, encoding, schema)
                 writer.add_message(channels[topic], logged_ns, data, logged_ns)
             writer.finish()
+        return path
 
     def _type(self, name: str) -> Any:
         return self.store.types[name]

@@ -18,9 +18,8 @@ import numpy as np
 from treadline.core.files import read_json, write_whole
 from treadline.core.ports import Truth
 from treadline.core.signals import FlipperReading, HeadingEstimate, TrackCommand
-from treadline.io.decode import LogDecoder
 from treadline.io.mcap_log import RunLog
-from treadline.io.mcap_read import mcap_messages
+from treadline.io.mcap_read import LogDecoder, mcap_messages
 from treadline.io.messages import messages_of
 from treadline.io.runs import LOG, MANIFEST, RUN_CONTROLLER
 

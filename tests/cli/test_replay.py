@@ -16,9 +16,8 @@ from treadline.cli._output import SimulatedTime
 from treadline.core.camera_images import RgbdFrame
 from treadline.core.ports import Truth
 from treadline.core.signals import HeadingEstimate, ImuSample, TrackCommand
-from treadline.io.decode import LogDecoder
 from treadline.io.mcap_log import RunLog
-from treadline.io.mcap_read import mcap_messages, read_log
+from treadline.io.mcap_read import LogDecoder, mcap_messages, read_log
 from treadline.io.message_types import seconds_of
 from treadline.io.runs import read_series
 from treadline.scenario.chair import read_chair

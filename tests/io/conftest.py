@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mcap.writer import CompressionType, IndexType, Writer
+from mcap.writer import CompressionType, IndexType
 from scipy.io import savemat
 
 from treadline.core.models import InputOutputRecord
@@ -30,73 +30,6 @@ class Written:
 
 def stamps(record: InputOutputRecord) -> list[int]:
     return [START_NS + round(k * record.dt_s * 1e9) for k in range(len(record))]
-
-
-class RosMessages:
-    """Serialised messages of one ROS version: a command as Float64MultiArray, an answer as Imu."""
-
-    def __init__(self, *, ros1: bool) -> None:
-        from rosbags import typesys
-
-        self.ros1 = ros1
-        self.store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC if ros1 else typesys.Stores.ROS2_HUMBLE)
-        self.serialise = self.store.serialize_ros1 if ros1 else self.store.serialize_cdr
-
-    def type_of(self, name: str) -> Any:
-        return self.store.types[name]
-
-    def command(self, values: np.ndarray) -> tuple[str, bytes]:
-        kind = "std_msgs/msg/Float64MultiArray"
-        layout = self.type_of("std_msgs/msg/MultiArrayLayout")([], 0)
-        return kind, bytes(self.serialise(self.type_of(kind)(layout, np.array(values)), kind))
-
-    def answer(self, rate: float, stamp_ns: int) -> tuple[str, bytes]:
-        kind = "sensor_msgs/msg/Imu"
-        time = self.type_of("builtin_interfaces/msg/Time")(stamp_ns // 10**9, stamp_ns % 10**9)
-        header = self.type_of("std_msgs/msg/Header")(*((7,) if self.ros1 else ()), time, "imu")
-        vector, zeros = self.type_of("geometry_msgs/msg/Vector3"), np.zeros(9)
-        turn = self.type_of("geometry_msgs/msg/Quaternion")(0.0, 0.0, 0.0, 1.0)
-        imu = self.type_of(kind)(header, turn, zeros, vector(0.0, 0.0, float(rate)), zeros, vector(0.0, 0.0, 9.8), zeros)
-        return kind, bytes(self.serialise(imu, kind))
-
-    def definition(self, kind: str) -> str:
-        text, _ = self.store.generate_msgdef(kind, ros_version=1 if self.ros1 else 2)
-        return str(text)
-
-
-Packets = list[tuple[str, int, str, bytes]]
-"""Topic, log time, type, message."""
-
-
-def packets(record: InputOutputRecord, ros: RosMessages, *, delay_ns: int = 0) -> Packets:
-    every: Packets = []
-    for k, stamp in enumerate(stamps(record)):
-        every.append((COMMAND, stamp, *ros.command(record.u[k])))
-        every.append((ANSWER, stamp + delay_ns, *ros.answer(record.y[k, 0], stamp)))
-    return every
-
-
-def write_mcap(path: Path, every: Packets, ros: RosMessages, **options: Any) -> None:
-    with path.open("wb") as file:
-        writer = Writer(file, **({"compression": CompressionType.ZSTD, "enable_data_crcs": True} | options))
-        writer.start()
-        channels: dict[str, int] = {}
-        for topic, time_ns, kind, data in every:
-            if topic not in channels:
-                language, encoding = ("ros1msg", "ros1") if ros.ros1 else ("ros2msg", "cdr")
-                schema = writer.register_schema(kind, language, ros.definition(kind).encode())
-                channels[topic] = writer.register_channel(topic, encoding, schema)
-            writer.add_message(channels[topic], time_ns, data, time_ns)
-        writer.finish()
-
-
-def write_ros_bag(writer: Any, every: Packets, ros: RosMessages) -> None:
-    with writer:
-        connections: dict[str, Any] = {}
-        for topic, time_ns, kind, data in every:
-            if topic not in connections:
-                connections[topic] = writer.add_connection(topic, kind, typestore=ros.store)
-            writer.write(connections[topic], time_ns, data)
 
 
 def in_csv(path: Path, record: InputOutputRecord) -> Written:
@@ -154,37 +87,6 @@ def in_parquet(path: Path, record: InputOutputRecord) -> Written:
     return Written(path, record.input_names, record.output_names)
 
 
-def in_mcap(path: Path, record: InputOutputRecord, *, ros1: bool = False, **options: Any) -> Written:
-    ros = RosMessages(ros1=ros1)
-    # The answer is stamped when it is measured, and logged a little later.
-    write_mcap(path, packets(record, ros, delay_ns=3_000_000), ros, **options)
-    return Written(path, BAG_INPUTS, BAG_OUTPUTS)
-
-
-def in_bag(path: Path, record: InputOutputRecord, compression: str = "") -> Written:
-    from rosbags import rosbag1
-
-    ros, writer = RosMessages(ros1=True), rosbag1.Writer(path)
-    if compression:
-        writer.set_compression(rosbag1.Writer.CompressionFormat[compression])
-    write_ros_bag(writer, packets(record, ros), ros)
-    return Written(path, BAG_INPUTS, BAG_OUTPUTS)
-
-
-def in_ros2_folder(path: Path, record: InputOutputRecord, storage: str) -> Written:
-    from rosbags import rosbag2
-
-    ros = RosMessages(ros1=False)
-    write_ros_bag(rosbag2.Writer(path, version=9, storage_plugin=rosbag2.StoragePlugin[storage]), packets(record, ros), ros)
-    return Written(path, BAG_INPUTS, BAG_OUTPUTS)
-
-
-def in_db3(path: Path, record: InputOutputRecord) -> Written:
-    in_ros2_folder(path.with_suffix(""), record, "SQLITE3")
-    (path.with_suffix("") / path.name).rename(path)
-    return Written(path, BAG_INPUTS, BAG_OUTPUTS)
-
-
 BARE = {"compression": CompressionType.NONE, "enable_crcs": False, "enable_data_crcs": False}
 KINDS: dict[str, tuple[str, Callable[[Path, InputOutputRecord], Written]]] = {
     "csv": ("log.csv", in_csv),
@@ -197,24 +99,37 @@ KINDS: dict[str, tuple[str, Callable[[Path, InputOutputRecord], Written]]] = {
     "mat compressed": ("log.mat", lambda path, record: in_mat(path, record, do_compression=True)),
     "mat 4": ("log.mat", in_mat_4),
     "parquet": ("log.parquet", in_parquet),
-    "mcap": ("log.mcap", in_mcap),
-    "mcap lz4": ("log.mcap", lambda path, record: in_mcap(path, record, compression=CompressionType.LZ4)),
-    "mcap bare": ("log.mcap", lambda path, record: in_mcap(path, record, **BARE)),
-    "mcap unchunked": (
-        "log.mcap",
-        lambda path, record: in_mcap(path, record, use_chunking=False, index_types=IndexType.NONE),
-    ),
-    "mcap ros 1": ("log.mcap", lambda path, record: in_mcap(path, record, ros1=True)),
-    "bag": ("log.bag", in_bag),
-    "bag bz2": ("log.bag", lambda path, record: in_bag(path, record, "BZ2")),
-    "bag lz4": ("log.bag", lambda path, record: in_bag(path, record, "LZ4")),
-    "db3": ("log.db3", in_db3),
-    "folder of db3": ("log", lambda path, record: in_ros2_folder(path, record, "SQLITE3")),
-    "folder of mcap": ("log", lambda path, record: in_ros2_folder(path, record, "MCAP")),
 }
+BAGS: dict[str, tuple[str, bool, dict[str, Any]]] = {
+    "mcap": ("log.mcap", False, {}),
+    "mcap lz4": ("log.mcap", False, {"compression": CompressionType.LZ4}),
+    "mcap bare": ("log.mcap", False, BARE),
+    "mcap unchunked": ("log.mcap", False, {"use_chunking": False, "index_types": IndexType.NONE}),
+    "mcap ros 1": ("log.mcap", True, {}),
+    "bag": ("log.bag", True, {}),
+    "bag bz2": ("log.bag", True, {"packed": "BZ2"}),
+    "bag lz4": ("log.bag", True, {"packed": "LZ4"}),
+    "db3": ("log.db3", False, {}),
+    "folder of db3": ("log", False, {}),
+    "folder of mcap": ("log", False, {"storage": "MCAP"}),
+}
+"""File, whether it is of ROS 1, and how it is written."""
 
 
-@pytest.fixture(params=KINDS)
+def in_bag(log: Any, path: Path, record: InputOutputRecord, options: dict[str, Any]) -> Written:
+    """Write a command as Float64MultiArray, and an answer as Imu that is logged a little after its stamp."""
+    for k in range(len(record)):
+        t_s = k * record.dt_s
+        log.numbers(COMMAND, t_s, record.u[k])
+        log.imu(ANSWER, t_s, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, float(record.y[k, 0])), (0.0, 0.0, 9.8), logged_s=t_s + 0.003)
+    if path.suffix == ".db3":
+        (log.write(path.with_suffix("")) / path.name).rename(path)
+    else:
+        log.write(path, **options)
+    return Written(path, BAG_INPUTS, BAG_OUTPUTS)
+
+
+@pytest.fixture(params=[*KINDS, *BAGS])
 def kind(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 
@@ -235,10 +150,13 @@ Write = Callable[[str, InputOutputRecord], Written]
 
 
 @pytest.fixture
-def written(tmp_path: Path) -> Write:
+def written(tmp_path: Path, recording: Any) -> Write:
     """Write a record as a log of a kind."""
 
     def write(kind: str, record: InputOutputRecord) -> Written:
+        if kind in BAGS:
+            name, ros1, options = BAGS[kind]
+            return in_bag(recording(ros1=ros1), tmp_path / name, record, options)
         name, writer = KINDS[kind]
         return writer(tmp_path / name, record)
 

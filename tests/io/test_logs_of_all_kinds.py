@@ -114,15 +114,6 @@ def test_an_array_without_a_clock_takes_the_period_it_is_given(tmp_path: Path) -
     assert read_record(tmp_path / "log.npz", ("a",), ("b",), period_s=0.5).dt_s == 0.5
 
 
-@pytest.mark.parametrize("clock", ["t_s", "t", "time", "t_ns", "timestamp_ns"])
-def test_a_clock_has_one_of_five_names(tmp_path: Path, clock: str) -> None:
-    ticks = (4e9 * T).astype(np.int64) if clock.endswith("_ns") else 4.0 * T
-    np.savez(tmp_path / "log.npz", a=T, b=T, **{clock: ticks})
-    assert read_record(tmp_path / "log.npz", ("a",), ("b",)).dt_s == 1.0
-    np.savetxt(tmp_path / "log.csv", np.column_stack([T, T, ticks]), "%.0f", ",", header=f"a,b,{clock}", comments="")
-    assert read_record(tmp_path / "log.csv", ("a",), ("b",)).dt_s == 1.0
-
-
 def test_nanoseconds_since_1970_keep_their_digits_in_csv(tmp_path: Path) -> None:
     lines = ["t_ns,a,b", *[f"{1_700_000_000_000_000_001 + 1000 * k},{k},{k}" for k in range(5)]]
     (tmp_path / "log.csv").write_text("\n".join(lines))

@@ -169,6 +169,26 @@ def starting(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[...,
 started, started_once = pytest.fixture(starting), pytest.fixture(starting, scope="module")
 
 
+BROKEN = """
+class Broken:
+    follows_plan, period_s = True, 0.25
+
+    def __init__(self, config):
+        pass
+
+    def step(self, estimate, t_s, plan):
+        if plan.phase != "arrived":
+            raise RuntimeError("broken on purpose")
+"""
+
+
+@pytest.fixture
+def broken(tmp_path: Path) -> Path:
+    """A user's own controller, which fails when a traversal begins."""
+    (tmp_path / "broken.py").write_text(BROKEN)
+    return tmp_path / "broken.py"
+
+
 def watch_for() -> Iterator[Callable[..., Bystander]]:
     made: list[Bystander] = []
 

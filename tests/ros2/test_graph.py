@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from geometry_msgs.msg import Twist
+from geometry_msgs.msg import Twist, TwistStamped
 from lifecycle_msgs.msg import Transition, TransitionEvent
 from nav_msgs.msg import Odometry
 from rcl_interfaces.srv import GetParameters
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import CameraInfo, Image
+from std_msgs.msg import Header
 
 from treadline.core.signals import ImuSample, TrackReading
 from treadline.ros import channels as on
@@ -71,27 +72,14 @@ def test_life_cycle_and_parameters(started: Callable[..., Any], watching: Callab
     assert bystander.state("driver") == "unconfigured"
 
 
-BROKEN = """
-class Broken:
-    follows_plan, period_s = True, 0.25
-
-    def __init__(self, config):
-        pass
-
-    def step(self, estimate, t_s, plan):
-        raise RuntimeError("broken on purpose")
-"""
-
-
 def test_an_error_of_a_block_is_an_error_of_its_node(
-    started: Callable[..., Any], watching: Callable[..., Any], tmp_path: Path
+    started: Callable[..., Any], watching: Callable[..., Any], broken: Path
 ) -> None:
     """Test: a controller of the user's own raises an error. Expected result: one line, ErrorProcessing; the node can
     be configured again."""
-    (tmp_path / "broken.py").write_text(BROKEN)
     bystander = watching("/broken")
     changes = bystander.hear(TransitionEvent, "driver/transition_event")
-    given = ("-r", "__ns:=/broken", "-p", f"controller:={tmp_path / 'broken.py'}:Broken")
+    given = ("-r", "__ns:=/broken", "-p", f"controller:={broken}:Broken")
     process = started("driver", given=given, sim=False, autostart=False)
     bystander.until(lambda: bystander.node.count_publishers("/broken/driver/transition_event"), "the node")
     for transition in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
@@ -120,13 +108,6 @@ def test_drivers_with_sensor_data_quality_are_heard(started: Callable[..., Any],
     assert odometry[-1].pose.pose.position.x > odometry[0].pose.pose.position.x
 
 
-def header(t_s: float, frame: str) -> Any:
-    from builtin_interfaces.msg import Time
-    from std_msgs.msg import Header
-
-    return Header(stamp=Time(sec=int(t_s), nanosec=int(t_s % 1.0 * 1e9)), frame_id=frame)
-
-
 CAMERAS = {
     "realsense": (
         "camera/camera/color/image_raw",
@@ -153,7 +134,7 @@ def test_topics_of_a_camera_by_remapping_alone(started: Callable[..., Any], watc
     width, height, number = 160, 120, count()
 
     def frame() -> None:
-        at = header(time.time(), "optical")
+        at = Header(stamp=bystander.node.get_clock().now().to_msg(), frame_id="optical")
         k = [130.0, 0.0, 80.0, 0.0, 130.0, 60.0, 0.0, 0.0, 1.0]
         info.publish(CameraInfo(header=at, width=width, height=height, k=k, distortion_model="plumb_bob", d=[0.0] * 5))
         size = {"header": at, "width": width, "height": height}
@@ -166,19 +147,21 @@ def test_topics_of_a_camera_by_remapping_alone(started: Callable[..., Any], watc
     assert all(quality.valid_share > 0.9 for quality in qualities)
 
 
-def test_a_joystick_without_stamps(started: Callable[..., Any], watching: Callable[..., Any], roles: tuple[str, ...]) -> None:
-    """Test: a Twist of 0.1 m/s each 50 ms, in a graph that takes this type. Expected result: the belts run at it."""
-    bystander = watching("/joystick")
+@pytest.mark.parametrize("kind", [Twist, TwistStamped], ids=lambda kind: kind.__name__)
+def test_a_joystick_without_stamps(
+    started: Callable[..., Any], watching: Callable[..., Any], roles: tuple[str, ...], kind: Any
+) -> None:
+    """Test: 0.1 m/s each 50 ms as a Twist, and as a TwistStamped whose stamp is zero. Expected result: the belts run at it; of the
+    missing stamp a line speaks once, where there should be one."""
+    name = f"/joystick_{kind.__name__.lower()}"
+    bystander = watching(name)
     bystander.watch_clock("clock")
     commands = bystander.hear_signals(on.TRACKS_CMD)
-    started(*roles, given=in_("/joystick", "-p", "cmd_vel:=twist", "-p", "start:=goal"))
-    publisher = bystander.node.create_publisher(Twist, "cmd_vel", 10)
-
-    def drive() -> None:
-        twist = Twist()
-        twist.linear.x = 0.1
-        publisher.publish(twist)
-
-    bystander.node.create_timer(0.05, drive)
+    of_type = "twist" if kind is Twist else "twist_stamped"
+    graph = started(*roles, given=in_(name, "-p", f"cmd_vel:={of_type}", "-p", "start:=goal"))
+    publisher, message = bystander.node.create_publisher(kind, "cmd_vel", 10), kind()
+    getattr(message, "twist", message).linear.x = 0.1
+    bystander.node.create_timer(0.05, lambda: publisher.publish(message))
     bystander.until(lambda: commands and math.isclose(commands[-1].left_m_s, 0.1, abs_tol=1e-6), "belts at 0.1 m/s")
     assert (commands[-1].right_m_s, commands[-1].brake) == (commands[-1].left_m_s, False)
+    assert len([line for line in graph.said if "cmd_vel has a stamp of zero" in line]) == int(kind is TwistStamped)

@@ -18,6 +18,7 @@ from rclpy.action import ActionClient
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 from treadline_msgs.action import ClimbStairs, DescendStairs
+from treadline_msgs.msg import MotionPlan
 
 WAIT_S = 10.0
 """Time in which the action has to be offered [s]."""
@@ -82,7 +83,8 @@ def _traverse(node: Any, name: str, kind: Any, presses: list[int]) -> int:
     if not ended.done():
         return _end(1, 'the driver has ended; the guard holds the chair')
     result = ended.result().result
-    sys.stdout.write(f'verdict {result.verdict}: {result.cause or "arrived"}\n')
+    verdict = _word(kind.Result, 'VERDICT_', result.verdict)
+    sys.stdout.write(': '.join(filter(None, (verdict, result.cause))) + '\n')
     return 0 if result.verdict == kind.Result.VERDICT_ARRIVED else 1
 
 
@@ -96,14 +98,24 @@ def _end(code: int, line: str) -> int:
     return code
 
 
+def _word(kind: Any, prefix: str, number: int) -> str:
+    """Return the word of a number by the constants of a message."""
+    constants = [name for name in dir(type(kind)) if name.startswith(prefix)]
+    named = (name for name in constants if getattr(kind, name) == number)
+    return next(named, str(number)).removeprefix(prefix).lower().replace('_', ' ')
+
+
 def _report(message: Any) -> None:
     feedback = message.feedback
     degrees = [math.degrees(a) for a in (feedback.heading_rad, feedback.stability_margin_rad)]
-    line = f'phase {feedback.phase}, heading {degrees[0]:.1f}°, margin {degrees[1]:.0f}°, '
-    with contextlib.suppress(
-        OSError
-    ):  # a terminal that was closed must not keep the goal from its end
-        sys.stdout.write(f'{line}{feedback.distance_to_go_m:.2f} m to go\n')
+    to_go_m = feedback.distance_to_go_m
+    to_go = 'distance not known yet' if math.isnan(to_go_m) else f'{to_go_m:.2f} m to go'
+    phase = _word(MotionPlan, 'PHASE_', feedback.phase)
+    # A terminal that was closed must not keep the goal from its end.
+    with contextlib.suppress(OSError):
+        sys.stdout.write(
+            f'{phase}, heading {degrees[0]:.1f}°, margin {degrees[1]:.0f}°, {to_go}\n'
+        )
 
 
 if __name__ == '__main__':

@@ -112,6 +112,7 @@ class TreadlineNode(LifecycleNode):
         self._timer = self.create_timer(
             period_s, lambda *_: self.attempt(), clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
+        self.get_logger().info('active')
         return TransitionCallbackReturn.SUCCESS
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:

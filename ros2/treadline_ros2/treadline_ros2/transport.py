@@ -6,38 +6,29 @@ Messages travel serialised: one codec writes and reads them for every transport.
 
 from collections.abc import Callable
 import importlib
+import math
 from typing import Any
 
-from geometry_msgs.msg import Twist
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import (
     DurabilityPolicy,
-    HistoryPolicy,
     qos_policy_name_from_kind,
     QoSProfile,
     ReliabilityPolicy,
 )
 from treadline.core.camera_images import PinholeCamera
+from treadline.core.signals import VelocityCommand
 from treadline.ros import channels as on
-from treadline.ros._codec import velocity_of
 from treadline.ros.channels import Channel
+from treadline.ros.plant_node import OF_THE_CAMERA
 from treadline.ros.wire import WireTransport
 
 GLOBAL = ('/clock', '/tf', '/tf_static')
 """Topics whose names ROS 2 fixes; all others are relative to the node's namespace."""
 SENSORS = tuple(
     topic.name
-    for channel in (
-        on.CLOCK,
-        on.IMU,
-        on.TRACKS,
-        on.SEAT,
-        on.FLIPPER,
-        on.CAMERA,
-        on.CAMERA_HEADING,
-        on.CAMERA_MAP,
-        on.CAMERA_QUALITY,
-    )
+    for channel in (on.CLOCK, *on.SENSORS, *OF_THE_CAMERA.values())
+    if channel != on.OPERATOR
     for topic in on.CHANNELS[channel].topics
 )
 """Topics that drivers publish: read with best effort, which hears reliable publishers, too."""
@@ -62,6 +53,8 @@ class RclpyTransport(WireTransport):
         self._node = node
         self._attempt = attempt
         self._stamped = stamped
+        if not stamped:
+            self.read_as[on.TWIST] = on.TWIST_TYPE
         self._publishers: dict[str, Any] = {}
         self._subscriptions: list[Any] = []
         self._clock: bytes | None = None
@@ -85,24 +78,27 @@ class RclpyTransport(WireTransport):
             super().publish(channel, signal)
 
     def subscribe(self, channel: str, take: Callable[[Any], object]) -> None:
-        """Subscribe to a channel; ``cmd_vel`` is a Twist where the node asks for it."""
-        if channel != on.TWIST or self._stamped:
-            super().subscribe(channel, take)
-            return
+        """
+        Subscribe to a channel.
 
-        def receive(twist: Twist) -> None:
-            self._attempt(take, velocity_of(twist))
+        A TwistStamped without a stamp counts as of now, with a warning, as in ros2_control.
+        """
 
-        self._subscribe(Twist, channel, receive, 1, raw=False)
+        def take_velocity(command: VelocityCommand) -> None:
+            if self._stamped and math.isnan(command.t_s):
+                said = 'cmd_vel has a stamp of zero and counts as of now; stamp it (said once)'
+                self._node.get_logger().warning(said, once=True)
+            take(command)
+
+        super().subscribe(channel, take_velocity if channel == on.TWIST else take)
 
     def _advertise(self, topic: str, kind: str, channel: Channel) -> None:
         durability = (
             DurabilityPolicy.TRANSIENT_LOCAL if channel.kept else DurabilityPolicy.VOLATILE
         )
         quality = _quality(channel.depth, ReliabilityPolicy.RELIABLE, durability)
-        self._publishers[topic] = self._node.create_publisher(
-            _message(kind), named(topic), quality
-        )
+        publisher = self._node.create_publisher(_message(kind), named(topic), quality)
+        self._publishers[topic] = publisher
 
     def _send(self, topic: str, data: bytes) -> None:
         self._publishers[topic].publish(data)
@@ -115,8 +111,30 @@ class RclpyTransport(WireTransport):
             self.inbox.newest[topic] = self._clock = data
             self._node.executor.create_task(self._deliver_clock)
 
-        receive = tick if topic == on.CLOCK else receive
-        self._subscribe(_message(kind), topic, receive, depth, raw=True)
+        name = self._node.resolve_topic_name(named(topic))
+        error = self._node.get_logger().error
+        misfits = SubscriptionEventCallbacks(
+            incompatible_qos=lambda event: error(
+                f'{name}: a publisher whose {qos_policy_name_from_kind(event.last_policy_kind)} '
+                'does not fit is not heard; publish with reliability RELIABLE'
+            ),
+            incompatible_type=lambda _: error(
+                f'{name} is published as another type; {kind} is read: remap one of the two'
+            ),
+            use_default_callbacks=False,
+        )
+        reliability = (
+            ReliabilityPolicy.BEST_EFFORT if topic in SENSORS else ReliabilityPolicy.RELIABLE
+        )
+        subscription = self._node.create_subscription(
+            _message(kind),
+            named(topic),
+            tick if topic == on.CLOCK else receive,
+            _quality(depth, reliability),
+            raw=True,
+            event_callbacks=misfits,
+        )
+        self._subscriptions.append(subscription)
 
     def _deliver_clock(self) -> None:
         """
@@ -129,39 +147,9 @@ class RclpyTransport(WireTransport):
         if data is not None:
             self._attempt(self._take, on.CLOCK, data)
 
-    def _subscribe(
-        self, kind: Any, topic: str, receive: Callable[[Any], None], depth: int, *, raw: bool
-    ) -> None:
-        name = self._node.resolve_topic_name(named(topic))
-        error = self._node.get_logger().error
-        read = f'{kind.__module__.split(".")[0]}/msg/{kind.__name__}'
-        reliability = (
-            ReliabilityPolicy.BEST_EFFORT if topic in SENSORS else ReliabilityPolicy.RELIABLE
-        )
-        misfits = SubscriptionEventCallbacks(
-            incompatible_qos=lambda event: error(
-                f'{name}: a publisher whose {qos_policy_name_from_kind(event.last_policy_kind)} '
-                'does not fit is not heard; publish with reliability RELIABLE'
-            ),
-            incompatible_type=lambda _: error(
-                f'{name} is published as another type; {read} is read: remap one of the two'
-            ),
-            use_default_callbacks=False,
-        )
-        quality = _quality(depth, reliability, DurabilityPolicy.VOLATILE)
-        self._subscriptions.append(
-            self._node.create_subscription(
-                kind, named(topic), receive, quality, raw=raw, event_callbacks=misfits
-            )
-        )
-
     def _kinds(self, topic: str) -> list[str]:
-        return [
-            info.topic_type
-            for info in self._node.get_publishers_info_by_topic(
-                self._node.resolve_topic_name(named(topic))
-            )
-        ]
+        name = self._node.resolve_topic_name(named(topic))
+        return [info.topic_type for info in self._node.get_publishers_info_by_topic(name)]
 
 
 def named(topic: str) -> str:
@@ -170,14 +158,11 @@ def named(topic: str) -> str:
 
 
 def _quality(
-    depth: int, reliability: ReliabilityPolicy, durability: DurabilityPolicy
+    depth: int,
+    reliability: ReliabilityPolicy,
+    durability: DurabilityPolicy = DurabilityPolicy.VOLATILE,
 ) -> QoSProfile:
-    return QoSProfile(
-        history=HistoryPolicy.KEEP_LAST,
-        depth=depth,
-        reliability=reliability,
-        durability=durability,
-    )
+    return QoSProfile(depth=depth, reliability=reliability, durability=durability)
 
 
 def _message(kind: str) -> Any:

@@ -14,10 +14,10 @@ from jaxtyping import Float, Int
 
 from treadline.core.errors import LogFormatError
 from treadline.core.signals import TICK_S
-from treadline.io.decode import signal_reader
 from treadline.io.mcap_read import RecordedTopic, mcap_messages, one_error
 from treadline.io.message_types import CDR, PACKAGE, TICK_NS, row_layout, seconds_of
 from treadline.io.messages import IMU
+from treadline.io.standard_messages import signal_reader
 from treadline.io.topics import received
 
 _STAMP = slice(len(CDR), len(CDR) + 8)

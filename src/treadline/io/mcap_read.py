@@ -24,7 +24,10 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC
 
 from treadline.core.errors import LogFormatError
-from treadline.io.decode import LogDecoder
+from treadline.io.images import Paired, Pairing, calibration, picture
+from treadline.io.message_types import message_of, stamped_s
+from treadline.io.messages import CAMERA_INFO, IMAGE
+from treadline.io.standard_messages import LOOKED, OURS, signal_reader
 
 MAX_FILE_BYTES = 8 * 1024**3
 """Largest size of a run log [bytes]; other logs are read record by record without a limit."""
@@ -55,6 +58,35 @@ class RecordedTopic(NamedTuple):
 
 Packet = tuple[RecordedTopic, int, bytes]
 """Topic, log time [ns], message."""
+
+
+class LogDecoder:
+    """Decoder of a run's own messages; pairs the images of a frame."""
+
+    def __init__(self) -> None:
+        def lost(t_s: float, reason: str) -> None:
+            raise LogFormatError(f"the depth image at {t_s} s has {reason}")
+
+        pairing = Pairing(lost=lost)
+        self._takers: dict[str, tuple[str, Callable[[Any, float], list[Paired]]]] = {
+            "/camera/color/image_raw": (IMAGE, lambda message, t_s: pairing.colour(picture(message, t_s))),
+            "/camera/depth/image_rect": (IMAGE, lambda message, t_s: pairing.depth(picture(message, t_s))),
+            "/camera/color/camera_info": (CAMERA_INFO, lambda message, _: pairing.calibrate(calibration(message))),
+        }
+
+    def signal(self, topic: str, kind: str, data: bytes) -> Any | None:
+        """Return the signal completed by a message, or None."""
+        read = signal_reader(topic, kind) if topic in OURS or topic in LOOKED else None
+        if read is None and topic not in self._takers:
+            return None
+        message = message_of(kind, data)
+        t_s = stamped_s(message.header.stamp)
+        if read is not None:
+            return read(message, t_s)
+        expected, take = self._takers[topic]
+        if kind != expected:
+            raise LogFormatError(f"{topic} holds {kind}")
+        return next((frame for frame, _ in take(message, t_s)), None)
 
 
 def read_log(path: Path, wants: Callable[[str], bool] = lambda _: True) -> Iterator[Any]:

@@ -2,7 +2,8 @@
 
 The standard types are those that rosbags holds; treadline's are registered from the ``.msg`` files of its ROS package. Messages are
 decoded by the code that rosbags generates from a definition. They are encoded by one ``struct`` for each type and set of lengths,
-built from the same definition: a log takes a dozen messages in each tick, and rosbags' encoder takes three times as long.
+built from the same definition: a log takes a dozen messages in each tick, and rosbags' encoder takes three times as long. The bytes
+of ROS 1, which has reached its end of life, are rosbags' conversion of these.
 """
 
 import struct
@@ -58,16 +59,16 @@ class RosMessage(NamedTuple):
 
     def encoded(self, *, ros1: bool = False) -> bytes:
         """Return the bytes of the message: CDR, or those of ROS 1, whose header has a number more, zero here."""
-        row: list[Any] = [b"" if ros1 else CDR, *self.values]
-        end = b"" if ros1 else b"\x00"
+        row: list[Any] = [CDR, *self.values]
         sizes: list[int] = []
         for at in _texts(self.kind, self.lengths):
             place = at + 1 + len(sizes)
             value = row[place]
-            data = value if type(value) is bytes else value.encode() + end
+            data = value if type(value) is bytes else value.encode() + b"\x00"
             sizes.append(len(data))
             row[place : place + 1] = (len(data), data)
-        return _packer(self.kind, self.lengths, tuple(sizes), ros1).pack(*row)
+        cdr = _packer(self.kind, self.lengths, tuple(sizes)).pack(*row)
+        return bytes(store().cdr_to_ros1(cdr, self.kind)) if ros1 else cdr
 
 
 def message_of(kind: str, data: bytes, *, ros1: bool = False) -> Any:
@@ -82,38 +83,27 @@ def message_of(kind: str, data: bytes, *, ros1: bool = False) -> Any:
         raise LogFormatError(f"not a {kind}: {error}") from None
 
 
-def row_layout(
-    kind: str, sizes: tuple[int, ...], lengths: tuple[int, ...] = (), *, ros1: bool = False
-) -> list[tuple[str, str, int]]:
+def row_layout(kind: str, sizes: tuple[int, ...], lengths: tuple[int, ...] = ()) -> list[tuple[str, str, int]]:
     """Return name, ``struct`` code and offset of each value of a message, CDR's encapsulation header not counted.
 
     Args:
         kind: Message type.
         sizes: Bytes of the texts and of the sequences of bytes.
         lengths: Counts of the other sequences.
-        ros1: Whether values follow each other without padding, and each header begins with the number of ROS 1.
     """
     found, at, left = [], 0, iter(sizes)
     for name, code in _leaves(kind, iter(lengths)):
-        at += HEADER_NUMBER_BYTES if ros1 and name.endswith(HEADER_BEGINS) else 0
-        parts = ("I", f"{next(left)}s") if code == "s" else (code,)
-        for part in parts:
-            at += 0 if ros1 else -at % struct.calcsize(part[-1])
+        for part in ("I", f"{next(left)}s") if code == "s" else (code,):
+            at += -at % struct.calcsize(part[-1])
             found.append((name, part, at))
             at += struct.calcsize(f"<{part}")
     return found
 
 
-HEADER_BEGINS = "header.stamp.sec"
-"""End of the name of a header's first value in ROS 2."""
-HEADER_NUMBER_BYTES = 4
-"""Bytes of the number before it in ROS 1."""
-
-
 @lru_cache(maxsize=1024)
-def _packer(kind: str, lengths: tuple[int, ...], sizes: tuple[int, ...], ros1: bool) -> struct.Struct:
-    text, at = f"<{0 if ros1 else len(CDR)}s", 0
-    for _, code, offset in row_layout(kind, sizes, lengths, ros1=ros1):
+def _packer(kind: str, lengths: tuple[int, ...], sizes: tuple[int, ...]) -> struct.Struct:
+    text, at = f"<{len(CDR)}s", 0
+    for _, code, offset in row_layout(kind, sizes, lengths):
         text += f"{offset - at}x{code}"
         at = offset + struct.calcsize(f"<{code}")
     return struct.Struct(text)

@@ -17,13 +17,15 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import ImageError, LogFormatError
 from treadline.core.ports import Reading
 from treadline.core.signals import Event, HeadingMeasurement, ImuSample
-from treadline.io.decode import EVENTS, HEADINGS, LOOKED, OURS, calibration, imu, picture, signal_reader
+from treadline.io.images import MILLIMETRE, Pairing, calibration, picture
 from treadline.io.mcap_read import BROKEN, has_arrivals
 from treadline.io.message_types import seconds_of
-from treadline.io.topics import Calibrate, Frames, Received, as_logged, packets, received, roles, survey
+from treadline.io.standard_messages import EVENTS, HEADINGS, LOOKED, OURS, imu, signal_reader
+from treadline.io.topics import Received, packets, received, roles, survey
 
 BELTS = "/tracks/state"
 HORIZON_S = 1.0
@@ -32,6 +34,16 @@ SILENCE_S = 60.0
 """Longest gap within one recording [s]."""
 EVENTS_MAX = 20
 """Largest number of events per topic and reason; further ones are only counted."""
+
+
+Calibrate = Callable[[PinholeCamera | None, tuple[int, int]], PinholeCamera | None]
+"""Function from the log's calibration (None without one) and image size (width, height) to the calibration to use."""
+
+
+def as_logged(logged: PinholeCamera | None, size: tuple[int, int]) -> PinholeCamera | None:
+    """Return the log's own calibration."""
+    del size
+    return logged
 
 
 class SensorLog:
@@ -48,7 +60,7 @@ class SensorLog:
         *,
         named: Mapping[str, str] | None = None,
         sealed: bool = False,
-        depth_unit_m: float = 0.001,
+        depth_unit_m: float = MILLIMETRE,
         calibrate: Calibrate = as_logged,
     ) -> None:
         """Survey a log.
@@ -91,7 +103,12 @@ class SensorLog:
         self._last: dict[str, tuple[float, int]] = {}
         self._ready: list[tuple[float, int, str, Reading]] = []
         size = (0, 0) if self.topics.depth is None else self.found[self.topics.depth].size
-        self._frames = Frames(self.topics, size, self._unit_m, self._calibrate, self._unpaired)
+        self._pairing = Pairing(
+            has_colour=self.topics.color is not None,
+            unit_m=self._unit_m,
+            calibrate=lambda logged: self._calibrate(logged, size),
+            lost=self._lost,
+        )
         self._given_s = 0.0
         self._force = (0.0, 0.0, 0.0)
         count = 0
@@ -135,11 +152,11 @@ class SensorLog:
     def _decoded(self, role: str, name: str, message: Received, logged_ns: int) -> Any | None:
         match role:
             case "depth" | "color":
-                image = picture(*message)
-                take = self._frames.depth if role == "depth" else self._frames.color
-                return take(image) if self._in_order(name, image.t_s, logged_ns) else None
+                take = self._pairing.depth if role == "depth" else self._pairing.colour
+                found = take(picture(*message)) if self._in_order(name, message.t_s, logged_ns) else []
+                return next((frame for frame, _ in found), None)
             case "info":
-                return self._frames.calibrate(calibration(message.body))
+                return next((frame for frame, _ in self._pairing.calibrate(calibration(message.body))), None)
             case "accel":
                 sample = imu(*message)
                 if self._in_order(name, sample.t_s, logged_ns):
@@ -194,7 +211,7 @@ class SensorLog:
                 self._given_s = t_s
                 yield t_s, signal
 
-    def _unpaired(self, t_s: float, reason: str) -> None:
+    def _lost(self, t_s: float, reason: str) -> None:
         self._drop(t_s, str(self.topics.depth), reason, f"at {t_s:.3f} s")
 
     def _drop(self, t_s: float, name: str, reason: str, number: str) -> None:

@@ -23,6 +23,7 @@ from treadline.core.signals import (
     HeadingFault,
     HeadingHealth,
     HeadingMeasurement,
+    ImuSample,
     MotionPlan,
     OperatorInput,
     Phase,
@@ -34,7 +35,20 @@ from treadline.core.signals import (
     TrackReading,
 )
 from treadline.io.message_types import RosMessage
-from treadline.io.messages import CAMERA, JOINTS, STATUS, TRUTH_NAMES, images_of, joints, messages_of, status, topic_of
+from treadline.io.messages import (
+    CAMERA,
+    IMU,
+    JOINTS,
+    SIGNALS,
+    STATUS,
+    TRUTH_NAMES,
+    form_of,
+    images_of,
+    joints,
+    messages_of,
+    status,
+    topic_of,
+)
 
 Read = Callable[[Any, float], Any]
 """Decoder from a message and its stamp [s] to a signal."""
@@ -269,3 +283,35 @@ STANDARD: dict[tuple[str, str], Read] = {
     ("/diagnostics", STATUS): _read_event,
 }
 """Decoder of a topic of a standard type."""
+
+
+# ---- any signal ----
+
+
+HEADINGS, EVENTS = "/stair/heading_measured/detail", "/diagnostics"
+"""Topics of recorded heading measurements and of events."""
+LOOKED = frozenset({"/camera/quality", "/ground", "/stair/map/detail"})
+"""Topics of frame results besides the heading, for logs without images and for cameras with their own detector."""
+OURS = frozenset({
+    "/imu", "/tracks/cmd", "/tracks/state", "/seat/cmd", "/seat/state", "/flipper/cmd", "/flipper/state", "/arm/cmd", "/arm/state",
+    "/operator", "/plant/state", "/stair/heading/detail", HEADINGS, EVENTS, "/truth",
+})  # fmt: skip
+"""Other topics of a run log except images; ``/arm`` is from logs of release 0.1."""
+
+
+def signal_reader(topic: str, kind: str) -> Read | None:
+    """Return the decoder of a topic's messages to signals, from message and stamp [s]; None if the type means something else."""
+    if kind in SIGNALS:
+        return form_of(SIGNALS[kind]).decode
+    return imu if kind == IMU else STANDARD.get((topic, kind))
+
+
+def imu(message: Any, t_s: float) -> ImuSample:
+    """Return the sample in a sensor_msgs/Imu; an orientation marked as not measured is a zero quaternion."""
+    q, rate, force = message.orientation, message.angular_velocity, message.linear_acceleration
+    return ImuSample(
+        t_s=t_s,
+        orientation=(0.0, 0.0, 0.0, 0.0) if message.orientation_covariance[0] == -1.0 else (q.w, q.x, q.y, q.z),
+        angular_velocity_rad_s=(rate.x, rate.y, rate.z),
+        linear_acceleration_m_s2=(force.x, force.y, force.z),
+    )

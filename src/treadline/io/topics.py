@@ -1,29 +1,22 @@
-"""Topics of a log, and the frames in them.
+"""Topics of a log and their roles.
 
 Depth camera, colour camera, calibration and IMU are assigned to topics by message types and image encodings; names decide between
-equal candidates. ``--topics`` overrides the assignment. Frames are assembled from depth, colour and calibration messages:
-``Image``, ``Image``, ``CameraInfo`` -> ``RgbdFrame``.
+equal candidates. ``--topics`` overrides the assignment.
 """
 
-import math
-from collections import deque
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-from jaxtyping import Float32, UInt8
-
-from treadline.core.camera_images import MOUNT_FIELDS, PinholeCamera, RgbdFrame
-from treadline.core.errors import ImageError, LogFormatError, SettingsError
+from treadline.core.errors import LogFormatError, SettingsError
 from treadline.core.signals import HeadingMeasurement
 from treadline.io._tables import listed
-from treadline.io.decode import HEADINGS, Picture, signal_reader
 from treadline.io.mcap_read import Packet, RecordedTopic, mcap_messages
 from treadline.io.message_files import READERS, damage, parts_of
 from treadline.io.message_types import message_of, stamped_s
 from treadline.io.messages import CAMERA_INFO, COMPRESSED, IMAGE, IMU, JOINTS, OWN
+from treadline.io.standard_messages import HEADINGS, signal_reader
 
 DEPTH_ENCODINGS = ("16UC1", "32FC1", "mono16")
 """Encodings of depth images."""
@@ -162,18 +155,30 @@ def roles(where: Path, found: Mapping[str, TopicSummary], named: Mapping[str, st
         if headings is None:
             raise LogFormatError(f"{where}: neither depth images nor headings{compressed_hint(found)} (there are: {listed(found)})")
         return Topics(imu=gyro, accel=accel, headings=headings)
-    color = named.get("color") or color_topic(found, depth)
+    color, info = image_topics(where, found, depth, named, calibrated=calibrated)
+    return Topics(depth=depth, color=color, info=info, imu=gyro, accel=accel)
+
+
+def image_topics(
+    where: Path, found: Mapping[str, TopicSummary], depth: str, named: Mapping[str, str], *, calibrated: bool
+) -> tuple[str | None, str | None]:
+    """Return the topics of the colour images and of the calibration of a depth topic: as named by the user, else by type.
+
+    Raises:
+        LogFormatError: If there is no calibration, or an image or a calibration has another size than the depth images.
+    """
+    color = named.get("color") or _color(found, depth)
     if color is not None:
         _check_size(where, found, color, depth, "name a depth topic that is registered to colour: --topics depth=…")
-    info = named.get("info") or info_topic(found, depth, color)
+    info = named.get("info") or _info(found, depth, color)
     if info is None and not calibrated:
         raise LogFormatError(
-            f"{where}: no intrinsics: no CameraInfo next to {depth}; name one (--topics info=…) or give --camera FILE with "
-            "fx_px, fy_px, cx_px and cy_px"
+            f"{where}: no intrinsics: no CameraInfo next to {depth}; give --camera FILE with fx_px, fy_px, cx_px and cy_px, or "
+            "name one (replay --topics info=…)"
         )
-    if info is not None:
-        _check_size(where, found, info, depth, "name the calibration of that image: --topics info=…")
-    return Topics(depth=depth, color=color, info=info, imu=gyro, accel=accel)
+    if info is not None and not (calibrated and "info" not in named):
+        _check_size(where, found, info, depth, "give --camera FILE, or name the calibration of that image (replay --topics info=…)")
+    return color, info
 
 
 def parse_topics(text: str | None) -> dict[str, str]:
@@ -222,7 +227,7 @@ def depth_topics(found: Mapping[str, TopicSummary]) -> list[str]:
     return [name for name in images if "depth" in name or not any(word in name for word in ("infra", "/ir", "mono"))]
 
 
-def color_topic(found: Mapping[str, TopicSummary], depth: str) -> str | None:
+def _color(found: Mapping[str, TopicSummary], depth: str) -> str | None:
     """Return the colour images of the size of the depth images."""
 
     def rank(name: str) -> tuple[bool, bool, str]:
@@ -232,7 +237,7 @@ def color_topic(found: Mapping[str, TopicSummary], depth: str) -> str | None:
     return min((name for name in images if found[name].size == found[depth].size), key=rank, default=None)
 
 
-def info_topic(found: Mapping[str, TopicSummary], depth: str, color: str | None) -> str | None:
+def _info(found: Mapping[str, TopicSummary], depth: str, color: str | None) -> str | None:
     """Return the calibration next to the depth or the colour images, or the only one."""
     known = [name for name, item in found.items() if item.kind == CAMERA_INFO]
     for image in (depth, color):
@@ -262,149 +267,3 @@ def compressed_hint(found: Mapping[str, TopicSummary]) -> str:
 
 def _parent(topic: str) -> str:
     return topic.rpartition("/")[0]
-
-
-PAIR_S = 0.02
-"""Largest time between a depth image and its colour image [s]: two thirds of a frame period at 30 Hz."""
-PLAUSIBLE_M = (0.05, 100.0)
-"""Plausible range of the median depth of a frame [m]; outside, the depth unit is wrong by a factor of 1000."""
-BGR = ("bgr8", "bgra8", "8UC3")
-
-
-def with_mount(camera: PinholeCamera, mount: PinholeCamera) -> PinholeCamera:
-    """Return a camera with the mount of another: CameraInfo messages have none."""
-    return replace(camera, **{name: getattr(mount, name) for name in MOUNT_FIELDS})
-
-
-Calibrate = Callable[[PinholeCamera | None, tuple[int, int]], PinholeCamera | None]
-"""Function from the log's calibration (None without one) and image size (width, height) to the calibration to use."""
-
-
-def as_logged(logged: PinholeCamera | None, size: tuple[int, int]) -> PinholeCamera | None:
-    """Return the log's own calibration."""
-    del size
-    return logged
-
-
-class Frames:
-    """Pairs depth and colour images of equal time with a calibration to frames, whichever comes first."""
-
-    def __init__(
-        self,
-        topics: Topics,
-        size: tuple[int, int],
-        unit_m: float,
-        calibrate: Calibrate,
-        unpaired: Callable[[float, str], None] = lambda _t_s, _reason: None,
-        ahead: int = 1,
-    ) -> None:
-        """Start without images.
-
-        Args:
-            topics: Topics by role.
-            size: Width and height of the images [px].
-            unit_m: Depth per count of a 16-bit depth image [m].
-            calibrate: Function that returns the calibration to use.
-            unpaired: Called with the time of a depth image without a frame [s], and the reason.
-            ahead: Number of images that wait for their other one; where each topic travels by itself, one may be images ahead.
-        """
-        self._topics = topics
-        self._size = size
-        self._unit_m = unit_m
-        self._calibrate = calibrate
-        self._unpaired = unpaired
-        self._camera = calibrate(None, size)
-        self._depths = deque[Picture](maxlen=ahead)
-        self._colors = deque[Picture](maxlen=ahead)
-
-    def calibrate(self, camera: PinholeCamera) -> RgbdFrame | None:
-        """Store a calibration; return the frame that it completes, if any.
-
-        Raises:
-            ImageError: If the calibration has no focal length.
-        """
-        self._camera = given = self._calibrate(camera, self._size)
-        if given is None or not (given.fx_px > 0.0 and given.fy_px > 0.0 and math.isfinite(given.cx_px + given.cy_px)):
-            raise ImageError(
-                f"no intrinsics: fx = {camera.fx_px:g}, fy = {camera.fy_px:g} px; the camera was never calibrated: --set "
-                "camera.fx_px, fy_px, cx_px and cy_px"
-            )
-        return self._whole()
-
-    def depth(self, image: Picture) -> RgbdFrame | None:
-        """Store a depth image; return the frame that it completes, if any."""
-        if len(self._depths) == self._depths.maxlen:
-            self._unpaired(self._depths[0].t_s, "no calibration yet" if self._camera is None else "no colour image of its time")
-        self._depths.append(image)
-        return self._whole()
-
-    def color(self, image: Picture) -> RgbdFrame | None:
-        """Store a colour image; return the frame that it completes, if any."""
-        self._colors.append(image)
-        return self._whole()
-
-    def _whole(self) -> RgbdFrame | None:
-        camera, pair = self._camera, self._pair()
-        if camera is None or pair is None:
-            return None
-        depth, color = pair
-        while self._depths.popleft() is not depth:
-            continue  # an earlier image would be a frame of the past
-        size = (camera.height_px, camera.width_px)
-        for image in (depth, color):
-            if image is not None and image.pixels.shape[:2] != size:
-                height, width = image.pixels.shape[:2]
-                raise ImageError(
-                    f"sizes differ: an image of {width}×{height} at {image.t_s:.3f} s, calibrated for {size[1]}×{size[0]}"
-                )
-        # Without colour the picture is black: in the dark depth alone is looked at.
-        rgb = np.zeros((*size, 3), np.uint8) if color is None else rgb_pixels(color)
-        return RgbdFrame(t_s=depth.t_s, rgb=rgb, depth_m=depth_metres(depth, self._unit_m), camera=camera)
-
-    def _pair(self) -> tuple[Picture, Picture | None] | None:
-        """Return the newest depth image that has its colour image, or needs none."""
-        for depth in reversed(self._depths):
-            color = next((color for color in self._colors if abs(color.t_s - depth.t_s) <= PAIR_S), None)
-            if color is not None or self._topics.color is None:
-                return depth, color
-        return None
-
-
-def depth_metres(
-    image: Picture, unit_m: float, millimetres: str = "--camera FILE with depth_unit_m=0.001"
-) -> Float32[np.ndarray, "h w"]:
-    """Return the depth in metres, NaN where nothing returned.
-
-    Args:
-        unit_m: Depth per count of an image of 16 bits [m].
-        millimetres: Option that sets the unit to millimetres, for the error message.
-
-    Raises:
-        ImageError: If the median depth is implausible.
-    """
-    counts = image.pixels
-    if counts.dtype.kind == "u":
-        depth = metres(counts, unit_m)
-    else:
-        depth = np.where(np.isfinite(counts) & (counts > 0.0), counts, np.float32(np.nan))
-    some = depth[::4, ::4]
-    some = some[some > 0.0]
-    middle = float(np.median(some)) if some.size else None
-    if middle is not None and not PLAUSIBLE_M[0] <= middle <= PLAUSIBLE_M[1]:
-        remedy = f"{millimetres} is for millimetres" if counts.dtype.kind == "u" else "32FC1 must be in metres"
-        raise ImageError(f"the median depth at {image.t_s:.3f} s is {middle:.3g} m: wrong unit? {remedy}")
-    return depth.astype(np.float32, copy=False)
-
-
-def metres(counts: np.ndarray, unit_m: float) -> Float32[np.ndarray, "h w"]:
-    """Return depth counts of 16 bits in metres; 0 and 65535 mean no return."""
-    known = (counts > 0) & (counts < 65535)
-    return np.where(known, counts * np.float32(unit_m), np.float32(np.nan)).astype(np.float32)
-
-
-def rgb_pixels(image: Picture) -> UInt8[np.ndarray, "h w 3"]:
-    """Return the colours of an image in the order red, green, blue."""
-    pixels = image.pixels
-    if pixels.ndim == 2:
-        return np.repeat(pixels[:, :, None], 3, axis=2)
-    return np.ascontiguousarray(pixels[:, :, 2::-1] if image.encoding in BGR else pixels[:, :, :3])

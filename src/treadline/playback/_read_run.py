@@ -12,10 +12,10 @@ from treadline.core.files import json_of, read_json
 from treadline.core.ports import Truth
 from treadline.core.signals import FlipperReading, HeadingEstimate, ImuSample, SeatReading, TrackCommand, TrackReading
 from treadline.io.columns import read_contents
-from treadline.io.decode import EVENTS, signal_reader
 from treadline.io.mcap_read import BROKEN, has_arrivals, read_log, run_metadata
 from treadline.io.message_files import READERS, parts_of
 from treadline.io.runs import LOG, MANIFEST
+from treadline.io.standard_messages import EVENTS, signal_reader
 from treadline.io.topics import kind_of, packets, received
 from treadline.playback._builder import COLUMNS, RecordingBuilder, Signals
 from treadline.playback._recording import Limits, Recording

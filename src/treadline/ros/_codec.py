@@ -2,21 +2,20 @@
 
 import math
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, get_args
 
 import numpy as np
 
-from treadline.core.camera_images import PinholeCamera
+from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import ImageError, LogFormatError
 from treadline.core.rotations import quaternion_of
 from treadline.core.signals import CommandSource, Event, VelocityCommand
-from treadline.io.decode import calibration, picture, signal_reader
+from treadline.io.images import Paired, Pairing, calibration, picture, with_mount
 from treadline.io.message_types import RosMessage, message_of, stamp, stamped_s, store
 from treadline.io.messages import CAMERA, STATUS, joints, messages_of, status
 from treadline.io.scene_messages import BASE, ODOMETRY, FramePose, camera_frames, frames_message, odometry_message
-from treadline.io.standard_messages import standard_messages_of
-from treadline.io.topics import Frames, Topics, with_mount
+from treadline.io.standard_messages import signal_reader, standard_messages_of
 from treadline.mission.odometry import Odometry
 from treadline.ros import channels as on
 from treadline.ros._node_signals import Beat, Clock, GuardState, JointAngles, Mounts
@@ -27,8 +26,6 @@ LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 """Quaternion of a frame parallel to its parent."""
 AHEAD = 8
 """Largest number of images buffered until their depth or colour image arrives on its own connection."""
-MILLIMETRE = 0.001
-"""Depth per count of a 16-bit depth image [m], the convention of ROS drivers."""
 
 SOURCES: dict[int, CommandSource] = dict(enumerate(get_args(CommandSource), 1))
 """Values of the field ``source`` of ``GuardState``."""
@@ -69,28 +66,34 @@ def messages_on(channel: str, signal: Any, *, ros1: bool) -> list[RosMessage]:
     return standard_messages_of(signal, channel) if ros1 else messages_of(signal, channel)
 
 
+Kinds = Mapping[str, str] | None
+"""Message types by topic."""
+
+
 class Decoder:
     """Decoder of one channel: messages to signals. Depth and colour image of a frame are paired here.
 
     Args:
         mount: Camera with the mount on the chair, which a ``CameraInfo`` does not hold.
+        kinds: Message types of topics that differ from those of the channel.
     """
 
-    def __init__(self, channel: str, *, ros1: bool, mount: PinholeCamera | None = None) -> None:
+    def __init__(self, channel: str, *, ros1: bool, mount: PinholeCamera | None = None, kinds: Kinds = None) -> None:
         self._ros1 = ros1
         self._mount = mount
-        self._kinds = {topic.name: topic.kind_of(ros1=ros1) for topic in on.CHANNELS[channel].topics if topic.read}
+        topics = [topic for topic in on.CHANNELS[channel].topics if topic.read]
+        self._kinds = {topic.name: (kinds or {}).get(topic.name) or topic.kind_of(ros1=ros1) for topic in topics}
         for kind in self._kinds.values():
             store(ros1=ros1).get_msgdef(kind)  # compiled now: the guard holds for a node that stands still
         if channel != on.CAMERA:
             self._readers = {name: _reader(name, kind) for name, kind in self._kinds.items()}
         else:
-            color, depth, info = (topic.name for topic in on.CHANNELS[channel].topics)
-            frames = Frames(Topics(depth=depth, color=color, info=info), (0, 0), MILLIMETRE, self._mounted, ahead=AHEAD)
+            color, depth, info = self._kinds
+            pairing = Pairing(calibrate=self._mounted, ahead=AHEAD)
             self._readers = {
-                color: lambda message, t_s: frames.color(picture(message, t_s)),
-                depth: lambda message, t_s: frames.depth(picture(message, t_s)),
-                info: lambda message, _: frames.calibrate(calibration(message)),
+                color: lambda message, t_s: _frame(pairing.colour(picture(message, t_s))),
+                depth: lambda message, t_s: _frame(pairing.depth(picture(message, t_s))),
+                info: lambda message, _: _frame(pairing.calibrate(calibration(message))),
             }
 
     def signal(self, topic: str, data: bytes) -> Any | None:
@@ -110,9 +113,12 @@ class Decoder:
         except BROKEN as error:
             raise LogFormatError(f"{topic}: {' '.join(str(error).split())[:200] or type(error).__name__}") from None
 
-    def _mounted(self, camera: PinholeCamera | None, size: tuple[int, int]) -> PinholeCamera | None:
-        del size
+    def _mounted(self, camera: PinholeCamera | None) -> PinholeCamera | None:
         return camera if camera is None or self._mount is None else with_mount(camera, self._mount)
+
+
+def _frame(found: list[Paired]) -> RgbdFrame | None:
+    return found[0].frame if found else None
 
 
 def _odometry_messages(channel: str, odometry: Odometry) -> list[RosMessage]:
@@ -157,9 +163,9 @@ def _guard_state(message: Any, t_s: float) -> GuardState:
     return GuardState(t_s=t_s, holding=message.holding or None, source=SOURCES[message.source], sender=message.sender)
 
 
-def velocity_of(twist: Any, t_s: float = math.nan) -> VelocityCommand:
-    """Return the command in a geometry_msgs/Twist, which has no stamp: NaN."""
-    return VelocityCommand(t_s=t_s, speed_m_s=twist.linear.x, turn_rad_s=twist.angular.z)
+def velocity_of(twist: Any, t_s: float = 0.0) -> VelocityCommand:
+    """Return the command in a geometry_msgs/Twist; without a stamp, which ROS writes as zero, its time is NaN."""
+    return VelocityCommand(t_s=t_s or math.nan, speed_m_s=twist.linear.x, turn_rad_s=twist.angular.z)
 
 
 _READERS: dict[tuple[str, str], Callable[[Any, float], Any]] = {

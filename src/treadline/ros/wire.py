@@ -1,6 +1,5 @@
 """Common part of the transports over a wire: an inbox filled by any thread, delivered in one, the newest where not all fit."""
 
-import time
 from collections import Counter, deque
 from collections.abc import Callable
 from threading import Condition
@@ -10,7 +9,7 @@ from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import LogFormatError
 from treadline.io.message_types import store
 from treadline.ros._codec import Decoder, encoded
-from treadline.ros.channels import CHANNELS, Channel
+from treadline.ros.channels import CHANNELS, Channel, Topic
 
 
 class _Subscriber(NamedTuple):
@@ -25,7 +24,6 @@ class Inbox:
     def __init__(self) -> None:
         self._waiting: deque[tuple[str, bytes]] = deque()
         self._counts: Counter[str] = Counter()
-        self._skip: Counter[str] = Counter()
         self._depths: dict[str, int] = {}
         self._come = Condition()
         self.newest: dict[str, bytes] = {}
@@ -40,30 +38,24 @@ class Inbox:
     def put(self, topic: str, data: bytes) -> None:
         """Take one message; called by whatever thread brings it."""
         with self._come:
-            self._waiting.append((topic, data))
-            self.newest[topic] = data
-            if self._counts[topic] - self._skip[topic] >= self._depths[topic]:
-                self._skip[topic] += 1
+            if self._counts[topic] < self._depths[topic]:
+                self._counts[topic] += 1
+            else:
+                del self._waiting[next(k for k, (name, _) in enumerate(self._waiting) if name == topic)]
                 if self._depths[topic] > 1:
                     self.lost[topic] += 1
-            self._counts[topic] += 1
+            self._waiting.append((topic, data))
+            self.newest[topic] = data
             self._come.notify()
 
     def get(self, timeout_s: float) -> tuple[str, bytes] | None:
         """Return the next message, or None if nothing comes in time."""
-        until_s = time.monotonic() + timeout_s
         with self._come:
-            while True:
-                while self._waiting:
-                    topic, data = self._waiting.popleft()
-                    self._counts[topic] -= 1
-                    if not self._skip[topic]:
-                        return topic, data
-                    self._skip[topic] -= 1
-                left_s = until_s - time.monotonic()
-                if left_s <= 0.0:
-                    return None
-                self._come.wait(left_s)
+            if not self._come.wait_for(lambda: self._waiting, timeout_s):
+                return None
+            topic, data = self._waiting.popleft()
+            self._counts[topic] -= 1
+            return topic, data
 
 
 class WireTransport:
@@ -77,6 +69,8 @@ class WireTransport:
 
     def __init__(self, mount: PinholeCamera | None = None) -> None:
         self._mount = mount
+        self.read_as: dict[str, str] = {}
+        """Message types of topics that differ from those of their channel."""
         self._takers: dict[str, list[_Subscriber]] = {}
         self._announced: set[str] = set()
         self._failing: dict[str, str] = {}
@@ -96,7 +90,7 @@ class WireTransport:
             return
         self._announced.add(channel)
         for topic in CHANNELS[channel].topics:
-            kind = topic.kind_of(ros1=self.ros1)
+            kind = self._kind(topic)
             if self.ros1:
                 store().get_msgdef(kind)  # compiled before the node turns
             self._advertise(topic.name, kind, CHANNELS[channel])
@@ -110,7 +104,7 @@ class WireTransport:
     def subscribe(self, channel: str, take: Callable[[Any], object]) -> None:
         """Subscribe to a channel."""
         spec = CHANNELS[channel]
-        decoder = Decoder(channel, ros1=self.ros1, mount=self._mount)
+        decoder = self._decoder(channel)
         for topic in spec.topics:
             if not topic.read:
                 continue
@@ -119,7 +113,13 @@ class WireTransport:
             depth = self.spare * spec.depth
             self.inbox.expect(topic.name, depth)
             if first:
-                self._receive(topic.name, topic.kind_of(ros1=self.ros1), depth)
+                self._receive(topic.name, self._kind(topic), depth)
+
+    def _kind(self, topic: Topic) -> str:
+        return self.read_as.get(topic.name) or topic.kind_of(ros1=self.ros1)
+
+    def _decoder(self, channel: str) -> Decoder:
+        return Decoder(channel, ros1=self.ros1, mount=self._mount, kinds=self.read_as)
 
     def deliver(self, timeout_s: float) -> int:
         """Deliver the waiting messages, up to a batch; wait for the first at most ``timeout_s``. Return their number."""
@@ -154,7 +154,7 @@ class WireTransport:
         (topic,) = CHANNELS[channel].topics
         data = self.inbox.newest.get(topic.name)
         try:
-            return None if data is None else Decoder(channel, ros1=self.ros1, mount=self._mount).signal(topic.name, data)
+            return None if data is None else self._decoder(channel).signal(topic.name, data)
         except LogFormatError:
             return None
 
@@ -166,7 +166,7 @@ class WireTransport:
             if topic.name in self._failing:
                 return self._failing[topic.name]
             kinds = self._kinds(topic.name)
-            expected = topic.kind_of(ros1=self.ros1)
+            expected = self._kind(topic)
             wrong = [kind for kind in kinds if kind != expected]
             if wrong:
                 return f"{topic.name} is published as {wrong[0]}; {expected} is read"

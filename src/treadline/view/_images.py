@@ -17,7 +17,7 @@ from PIL import Image
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import ImageError, LogFormatError
 from treadline.core.signals import ImuSample
-from treadline.io.decode import picture
+from treadline.io.images import picture
 from treadline.io.mcap_read import BROKEN, has_arrivals, read_log
 from treadline.io.messages import COMPRESSED, IMAGE
 from treadline.io.topics import COLOUR_ENCODINGS, Received, TopicSummary, kind_of, packets, received, survey

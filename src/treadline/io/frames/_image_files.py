@@ -11,12 +11,11 @@ from jaxtyping import Float32, UInt8
 from treadline.core.camera_images import RgbdFrame, black
 from treadline.core.errors import ImageError, SettingsError
 from treadline.io.frames.point_cloud import PLAUSIBLE_M
+from treadline.io.images import metres
 from treadline.scenario.camera_file import CameraFile
 
 PNG_START = b"\x89PNG\r\n\x1a\n"
 JPEG_START, JPEG_END = b"\xff\xd8\xff", b"\xff\xd9"
-NO_RETURN = (0, 65535)
-"""Depth counts without a return."""
 
 
 def read_frame(rgb: Path | None, depth: Path, calibration: CameraFile) -> RgbdFrame:
@@ -116,11 +115,10 @@ def _depth_counts(path: Path) -> np.ndarray:
 def _depth(path: Path, calibration: CameraFile) -> Float32[np.ndarray, "h w"]:
     image = _depth_counts(path)
     _check_size(path, image, calibration)
-    valid = ~np.isin(image, NO_RETURN)
-    if not valid.any():
+    depth = metres(image, calibration.depth_unit_m)
+    if np.isnan(depth).all():
         word = "zero" if not image.any() else "saturated"
         raise ImageError(f"{path}: every depth is {word}: no return anywhere; was the sensor covered or out of range?")
-    depth = np.where(valid, image * calibration.depth_unit_m, np.nan).astype(np.float32)
     middle = float(np.nanmedian(depth))
     if not PLAUSIBLE_M[0] <= middle <= PLAUSIBLE_M[1]:
         raise ImageError(

@@ -7,6 +7,7 @@ import numpy as np
 
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import CameraError
+from treadline.io.images import metres
 from treadline.io.live._depth_camera import (
     CameraImages,
     VendorCamera,
@@ -15,7 +16,6 @@ from treadline.io.live._depth_camera import (
     rotation_or_none,
     vendor_package,
 )
-from treadline.io.topics import metres
 
 SIZE_PX = (640, 400)
 """Width and height of the stereo images: half the resolution of the OV9282 sensors."""

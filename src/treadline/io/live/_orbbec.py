@@ -8,6 +8,7 @@ import numpy as np
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import CameraError
 from treadline.core.rotations import Rotation
+from treadline.io.images import metres
 from treadline.io.live._depth_camera import (
     HEIGHT_PX,
     RATE_HZ,
@@ -19,7 +20,6 @@ from treadline.io.live._depth_camera import (
     undistortion,
     vendor_package,
 )
-from treadline.io.topics import metres
 
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 """Names of the distortion coefficients in OpenCV's order."""

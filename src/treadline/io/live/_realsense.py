@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from treadline.core.camera_images import PinholeCamera
+from treadline.io.images import metres
 from treadline.io.live._depth_camera import (
     HEIGHT_PX,
     RATE_HZ,
@@ -14,7 +15,6 @@ from treadline.io.live._depth_camera import (
     not_opened,
     vendor_package,
 )
-from treadline.io.topics import metres
 
 
 class RealSenseCamera(VendorCamera):

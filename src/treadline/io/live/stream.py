@@ -9,8 +9,8 @@ import numpy as np
 from treadline.core.camera_images import NamedFrame, PinholeCamera, RgbdFrame, black
 from treadline.core.errors import CameraError, ImageError
 from treadline.core.rotations import Vector3
+from treadline.io.images import PAIR_S
 from treadline.io.live import CameraImages, DepthCamera
-from treadline.io.topics import PAIR_S
 from treadline.scenario.camera_file import CameraFile
 
 TIMEOUT_S = 2.0

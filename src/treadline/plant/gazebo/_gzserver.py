@@ -7,6 +7,7 @@ Each run uses a new process: a second run in the same process would differ in th
 
 import os
 import re
+import select
 import shutil
 import socket
 import struct
@@ -40,7 +41,7 @@ T, POSITION, ORIENTATION, SEAT, FLIPPER, FLIPPER_TORQUE, REACH = 0, 1, 4, 14, 15
 Process = subprocess.Popen[bytes]
 COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 START_S = 180.0
-"""Timeout for loading a world, and of an answer [s], on a machine with other load."""
+"""Timeout for a display, for loading a world, and of an answer [s], on a machine with other load."""
 TRIES = 3
 """Number of attempts to start: another process can take a free port before gzserver does."""
 
@@ -148,7 +149,8 @@ class GazeboServer:
         self._display = self._started(*words, stdout=subprocess.PIPE)
         assert self._display.stdout is not None  # noqa: S101 - a pipe
         with self._display.stdout as written:
-            number = written.readline().strip()
+            is_written, _, _ = select.select([written], [], [], START_S)
+            number = written.readline().strip() if is_written else b""
         if not number:
             raise GazeboError(f"Xvfb does not start, which Gazebo's camera needs: {self._reason()}; {BUILD}")
         return f":{number.decode()}"
@@ -226,8 +228,6 @@ class GazeboServer:
         return (complaints or lines or ["it said nothing"])[-1]
 
     def _lines(self) -> list[str]:
-        if not self._log.exists():
-            return []
         text = self._log.read_text(encoding="utf-8", errors="replace")
         return [line.strip() for line in COLOURS.sub("", text).splitlines() if line.strip()]
 
@@ -243,8 +243,8 @@ def find_environment() -> Environment:
     root = cache if cache == Path("/") else cache / "root"
     if not (root / "usr/bin/gzserver").exists():
         raise GazeboError(f"no Gazebo 11 in {root}; {BUILD}")
-    if not (root / PLUGIN).exists():
-        raise GazeboError(f"{root / PLUGIN} is missing; {BUILD}")
+    if missing := [path for path in (PLUGIN, NO_TURN_RULE) if not (root / path).exists()]:
+        raise GazeboError(f"{root / missing[0]} is missing; {BUILD}")
     if root != Path("/"):
         if os.geteuid() != 0:
             raise GazeboError(f"only root may enter {root} (chroot); run as root, or take the Dockerfile")
