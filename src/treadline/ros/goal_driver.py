@@ -146,14 +146,14 @@ class GoalDriverNode(DriverNode):
         self._newest[type(signal)] = signal
 
     def _margin_rad(self) -> float:
-        """Return the margin as if on the stair seen last; NaN before the first attitude."""
+        """Return the margin as if on the stair seen last, on the flat without one; NaN before the first attitude."""
         imu, stair = self._newest.get(ImuSample), self._newest.get(StairMap)
         if not isinstance(imu, ImuSample):
             return math.nan
-        pitch_m = math.hypot(stair.rise_m, stair.run_m) if isinstance(stair, StairMap) else 0.0
+        nosings = (math.hypot(stair.rise_m, stair.run_m), self._loading.weight_n) if isinstance(stair, StairMap) else (0.0, None)
         x_m, z_m = centre_of_mass_level(self._loading, imu.pitch_rad)
         up_B = rotation_of(imu.orientation)[2]
-        support = worst_support(self._config.chair, pitch_m, self._loading.weight_n)
+        support = worst_support(self._config.chair, *nosings)
         return tipping_margins((x_m, 0.0, z_m), (float(up_B[0]), float(up_B[1]), float(up_B[2])), support).worst
 
 
