@@ -16,7 +16,7 @@ TURN_RAD_S = 0.79 * 0.05 / 0.65
 
 
 def moved(own: float = 0.05, other: float = 0.0, turn: float = 0.0) -> Wiggle:
-    return Wiggle(own_m_s=own, other_m_s=other, turn_rad_s=turn)
+    return Wiggle(asked_m_s=0.05, own_m_s=own, other_m_s=other, turn_rad_s=turn)
 
 
 @pytest.mark.parametrize(
@@ -34,14 +34,14 @@ def moved(own: float = 0.05, other: float = 0.0, turn: float = 0.0) -> Wiggle:
     ],
 )
 def test_a_belt_is_judged_by_its_own_report(wiggle: Wiggle, said: str | None) -> None:
-    fault = report_fault("left", wiggle)
+    fault = report_fault("left", wiggle, 0.3)
     assert (fault is None) == (said is None)
     assert said is None or said in str(fault)
 
 
 def test_a_wiggle_that_the_guard_ended_says_nothing_about_the_scale_but_about_the_sign() -> None:
-    assert report_fault("left", moved(own=0.02), whole=False) is None
-    assert report_fault("left", moved(own=-0.03), whole=False) is not None
+    assert report_fault("left", moved(own=0.02), 0.3, whole=False) is None
+    assert report_fault("left", moved(own=-0.03), 0.3, whole=False) is not None
 
 
 @pytest.mark.parametrize(

@@ -1,12 +1,14 @@
 """The whole chain on the emulated chair: robot file, guard process, serial line, firmware in C, MuJoCo. Times are the box's own."""
 
+import json
 import os
 import re
 import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from threading import Thread
 
@@ -26,17 +28,33 @@ place = "floor"
 [sensors]
 camera = "statistical"
 """
+BOX = 'link = "box:FloorBox"\nfolder = "{folder}"'
+SERIAL = 'link = "serial"\nport = "chair"'
+CAN = """link = "can"
+interface = "udp_multicast"
+channel = "239.74.163.2"
+port = {port}
+fd = false
+left_node = 1
+right_node = 2
+wheel_radius_m = 0.07"""
+DRIVE = """speed_m_s = 0.2
+[camera]
+source = "treadline.hardware.emulators.camera:EmulatedCamera"
+port = "chair.frame"
+calibration = "chair.camera.toml"
+"""
 
 
 class Heard:
     """A process whose lines are read as they come."""
 
-    def __init__(self, *arguments: str, obey: TestRobot | None = None) -> None:
-        command = [sys.executable, "-m", *arguments]
-        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    def __init__(self, *arguments: str, obey: Callable[[str], None] = lambda _: None) -> None:
+        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+        self.process = subprocess.Popen([sys.executable, "-m", *arguments], text=True, **pipes)
         self.lines: list[str] = []
         self.host: Heard = self
-        self._robot = obey
+        self._obey = obey
         self._ear = Thread(target=self._hear, daemon=True)
         self._ear.start()
 
@@ -44,8 +62,12 @@ class Heard:
         assert self.process.stdout is not None
         for line in self.process.stdout:
             self.lines.append(line.strip())
-            if self._robot is not None:
-                self._robot.obey(line)
+            self._obey(line)
+
+    def type(self, line: str) -> None:
+        assert self.process.stdin is not None
+        self.process.stdin.write(line + "\n")
+        self.process.stdin.flush()
 
     def has(self, text: str) -> bool:
         return any(text in line for line in self.lines)
@@ -54,8 +76,9 @@ class Heard:
         self.process.kill()
         self.process.wait()
         self._ear.join()
-        assert self.process.stdout is not None
-        self.process.stdout.close()
+        for pipe in (self.process.stdin, self.process.stdout):
+            assert pipe is not None
+            pipe.close()
 
 
 @pytest.fixture
@@ -63,14 +86,11 @@ def box(robot: TestRobot, monkeypatch: pytest.MonkeyPatch) -> Iterator[Heard]:
     """An emulated chair that is driven at 0.1 m/s on the bench."""
     monkeypatch.chdir(robot.folder)
     robot.hold(dead_man=False)
-    text = robot.path.read_text().replace(
-        'link = "box:FloorBox"\n' + f'folder = "{robot.folder}"', 'link = "serial"\nport = "chair"'
-    )
-    robot.path.write_text(text)
+    robot.path.write_text(robot.path.read_text().replace(BOX.format(folder=robot.folder), SERIAL))
     Path("scenario.toml").write_text(SCENARIO)
     emulator = Heard("treadline.hardware.emulators", "serial", "--port", "chair", "--scenario", "scenario.toml")
     wait(lambda: emulator.has("START"), lambda: emulator.lines)
-    host = Heard("treadline", "drive", "robot.toml", "--bench", "--out", "run", obey=robot)
+    host = Heard("treadline", "drive", "robot.toml", "--bench", "--out", "run", obey=robot.obey)
     emulator.host = host
     try:
         wait(lambda: host.has("bench: "), lambda: host.lines)
@@ -105,3 +125,99 @@ def test_a_loop_that_is_stopped_is_stopped_by_the_guard_and_not_by_the_watchdog(
     wait(lambda: len([line for line in box.lines if "STOPPED" in line]) > stops, lambda: box.lines)
     box.host.process.send_signal(signal.SIGCONT)
     wait(lambda: box.host.has("hold: the loop stood still for 0."), lambda: box.host.lines)
+
+
+class Emulated:
+    """An emulated chair before a short stair, and the robot file that drives it."""
+
+    def __init__(self, robot: TestRobot, link: str) -> None:
+        port = 20_000 + sum(str(robot.folder).encode()) % 20_000
+        model, text = "wheelchair", robot.path.read_text()
+        if link == "can":  # which carries no flipper
+            model, text = "wheelchair-fixed", text + 'chair = "wheelchair-fixed"\n'
+            text = text.replace('link = "drives"', SERIAL, 1).replace('link = "drives"', 'link = "imu"')
+        drives = SERIAL if link == "serial" else CAN.format(port=port)
+        robot.path.write_text(text.replace(BOX.format(folder=robot.folder), drives) + DRIVE)
+        scenario = 'stair = { slope_deg = 28, steps = 4 }\nstart = { place = "floor" }\n'
+        Path("scenario.toml").write_text(scenario + f'chair = {{ model = "{model}" }}\n')
+        options = ("--port", "chair", "--udp-port", str(port), "--scenario", "scenario.toml")
+        self.hosts: list[Heard] = []
+        self.rearms = True
+        self.robot, self.box = robot, Heard("treadline.hardware.emulators", link, *options)
+        wait(Path("chair.frame").exists, lambda: self.box.lines)
+
+    def driven(self, *options: str) -> Heard:
+        """Return a drive with a person who re-arms when asked, and after each hold."""
+        self.robot.hold(dead_man=False)
+        self.hosts.append(Heard("treadline", "drive", "robot.toml", *options, obey=self._obey))
+        return self.hosts[-1]
+
+    def _obey(self, line: str) -> None:
+        asked = line.startswith(("hold the dead-man", "armed; ", "held: "))
+        if asked or (self.rearms and " hold: " in line and "armed" not in line):
+            self.robot.obey("re-arm")
+
+    def times(self, what: str) -> list[float]:
+        """Return when the box reported something [s]."""
+        return [float(line.split()[0]) for line in self.box.lines if what in line]
+
+
+@pytest.fixture
+def emulated(robot: TestRobot, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[Emulated]:
+    monkeypatch.chdir(robot.folder)
+    made = Emulated(robot, request.param)
+    yield made
+    for process in (*made.hosts, made.box):
+        process.end()
+
+
+@pytest.mark.parametrize("emulated", ["serial"], indirect=True)
+def test_the_chair_climbs_a_short_stair_on_the_wall_clock(emulated: Emulated) -> None:
+    """Test: arming, then four steps of 28°. Expected result: arrived, with a log that can be reported without ground truth."""
+    drive = emulated.driven("--out", "run")
+    assert drive.process.wait(180.0) == 0, drive.lines
+    result = json.loads(Path("run/result.json").read_text())
+    assert result["verdict"] == "arrived"
+    assert "heading_rms_deg" not in result  # which needs the ground truth
+    begun = list(dict.fromkeys(event["name"] for event in result["events"]))
+    phases = ["approach", "mount", "climb", "crest", "land", "arrived"]
+    assert [name for name in begun if name in phases] == phases
+    subprocess.run([sys.executable, "-m", "treadline", "report", "run"], check=True)
+    assert "arrived" in Path("run/report.html").read_text()
+
+
+@pytest.mark.parametrize("emulated", ["serial", "can"], indirect=True)
+def test_faults_of_wiring_and_sensors_stop_the_chair_and_are_named(emulated: Emulated) -> None:
+    """Test: wrong wiring while arming; then, in motion, camera and gyro fail for a second.
+
+    Expected result: arming names the remedy, and no drive begins; each fault stops the box in time, by its own clock, and the box
+    stands until a person re-arms.
+    """
+    box = emulated.box
+    for fault, remedy in (("swapped_belts", "signs.swapped = true"), ("left_reversed", "signs.left = -1")):
+        box.type(fault)
+        host = emulated.driven("--bench", "--out", fault)
+        assert wait(host.process.poll, lambda: (host.lines, box.lines)) == 2  # noqa: B023 - called at once
+        assert host.has(remedy), host.lines
+        assert not host.has("bench: ")
+        box.type("")
+    drive = emulated.driven("--out", "run")
+    wait(lambda: drive.has("rearmed: by a person, after: armed"), lambda: drive.lines)
+    emulated.rearms = False
+    # A camera is silent from the moment at which its next frame is due, 0.1 s after the last one; the guard holds within 0.3 s
+    # and ramps down from 0.2 m/s with 1 m/s² at most, a half cosine of 0.31 s.
+    camera_s, gyro_s = 0.1 + 0.3 + 0.31, 0.3 + 0.31
+    for fault, cause, limit_s in (
+        ("camera_gone", "hold: no frame for 0.4 s", camera_s),
+        ("imu_frozen", "hold: gyro stuck for 0.", gyro_s),
+    ):
+        time.sleep(1.2)  # drives on CAN have proved their watchdog, and the belts are at 0.2 m/s
+        box.type(f"{fault}=1")
+        wait(lambda: drive.has(cause), lambda: drive.lines)  # noqa: B023 - called at once
+        fault_s = emulated.times(f"fault {fault}")[-1]
+        stop_s = wait(lambda: [t_s for t_s in emulated.times("STOPPED") if t_s > fault_s])[0]  # noqa: B023 - called at once
+        assert stop_s - fault_s <= limit_s + 0.03  # a tick of the loop, of the guard and of the box
+        time.sleep(1.5)  # the fault has passed
+        assert not [t_s for t_s in emulated.times("ARMED") if t_s > stop_s]
+        emulated.robot.obey("re-arm")
+        wait(lambda: [t_s for t_s in emulated.times("ARMED") if t_s > stop_s])  # noqa: B023 - called at once

@@ -23,18 +23,16 @@ from treadline.core.signals import (
     TrackCommand,
     TrackReading,
 )
-from treadline.guard import GuardConfig
+from treadline.guard import SILENCE_S, GuardConfig
 from treadline.hardware._guard_client import GuardClient
 from treadline.hardware._robot_plant import CameraThread
-from treadline.hardware.robot_file import BENCH_M_S, RobotFile
+from treadline.hardware.robot_file import RobotFile
 from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription
 
 SPEAK_S = 3.0
 """Longest wait for the first reading of each sensor [s]: a BNO055 fuses 0.65 s after its reset, a camera streams after 2 s."""
 PERSON_S = 60.0
 """Longest wait for a person's hand [s]."""
-WIGGLE_M_S = 0.5 * BENCH_M_S
-"""Belt speed of the wiggle [m/s]."""
 WIGGLE_S, SETTLE_S = 1.0, 0.2
 """Duration of each movement, and the time after which it is measured [s]: the guard holds for a belt that
 does not follow after 0.2 s more than the lag of its drive."""
@@ -43,8 +41,6 @@ TILT_RAD = 5.0 * DEG
 SHARE = 0.4
 """Share of the commanded speed above which a belt moves, and of the kinematic turn above which the chair turns: half of the 0.79
 that tracks turn on a floor (guard, level share); lifted ones do not turn at all."""
-SCALE = 0.3
-"""Largest deviation of a belt's report from its command: the guard's limit, beyond which it would hold on the first metre."""
 
 
 class BenchSession:
@@ -115,6 +111,8 @@ class BenchSession:
 class Wiggle:
     """Response to one belt that was commanded alone, forward less back, half of it."""
 
+    asked_m_s: float
+    """Commanded speed of the belt."""
     own_m_s: float
     """Reported speed of the belt."""
     other_m_s: float
@@ -123,20 +121,22 @@ class Wiggle:
     """Rate of the gyro about the vertical, positive to the left."""
 
 
-def report_fault(name: str, wiggle: Wiggle, *, whole: bool = True) -> str | None:
+def report_fault(name: str, wiggle: Wiggle, deviation: float, *, whole: bool = True) -> str | None:
     """Return the fault of a belt's report, with its remedy; None if it follows the command.
 
     Args:
         name: The belt.
         wiggle: Response to it.
+        deviation: Largest deviation of the report, as a share of the command: the guard would hold on the first metre beyond it.
         whole: Whether the guard let the wiggle end; the speed of a belt on its way is no scale.
     """
-    if abs(wiggle.other_m_s) > SHARE * WIGGLE_M_S:
+    asked_m_s = wiggle.asked_m_s
+    if abs(wiggle.other_m_s) > SHARE * asked_m_s:
         return f"the other belt reports when the {name} one is commanded: motor or encoder lines are crossed at the box"
-    if wiggle.own_m_s < -SHARE * WIGGLE_M_S:
+    if wiggle.own_m_s < -SHARE * asked_m_s:
         return f"the report of the {name} belt has the wrong sign: reverse its encoder at the box"
-    if whole and abs(wiggle.own_m_s / WIGGLE_M_S - 1.0) > SCALE:
-        seen = f"the {name} belt reports {wiggle.own_m_s:.3f} m/s where {WIGGLE_M_S:g} is commanded"
+    if whole and abs(wiggle.own_m_s / asked_m_s - 1.0) > deviation:
+        seen = f"the {name} belt reports {wiggle.own_m_s:.3f} m/s where {asked_m_s:g} is commanded"
         return f"{seen}: correct wheel radius, gear or supply"
     return None
 
@@ -149,7 +149,7 @@ def turn_fault(left: Wiggle, right: Wiggle, gauge_m: float) -> tuple[str | None,
         right: Response to the right belt.
         gauge_m: Distance between the belts [m].
     """
-    ideal_rad_s = WIGGLE_M_S / gauge_m
+    ideal_rad_s = left.asked_m_s / gauge_m
     turns = {"left": -left.turn_rad_s / ideal_rad_s, "right": right.turn_rad_s / ideal_rad_s}
     if min(map(abs, turns.values())) < SHARE:
         return None, False
@@ -199,16 +199,15 @@ class Arming:
                 f"no reading of {name}; is it plugged in and powered?", SPEAK_S, partial(session.newest.__contains__, kind)
             )
         if camera is not None:
-            session.wait("no frame of the camera", SPEAK_S, lambda: camera.count > 0 or camera.error is not None)
-            if camera.error is not None:
-                raise LinkError(f"arming: camera: {camera.error}")
+            self._check_camera(camera)
         least_v, state = self._robot.limits.battery_least_v, self._client.state
         volts = None if state is None else state.voltage_v
         if least_v is not None and (volts is None or volts < least_v):
             measured = "not measured" if volts is None else f"at {volts:.1f} V"
             raise LinkError(f"arming: the battery is {measured}, and {least_v:g} V are asked for; charge it")
         self._check_axes()
-        self._say(f"sensors speak, axes right, battery {'not measured' if volts is None else f'{volts:.1f} V'}")
+        self._say(f"sensors speak, chair level, gravity along +z, battery {'not measured' if volts is None else f'{volts:.1f} V'}")
+        self._say("not checked, because level ground does not show them: the signs of pitch and roll")
 
     def dead_man(self) -> None:
         """Wait until the dead-man switch was seen released, and then held with a re-arm.
@@ -233,7 +232,7 @@ class Arming:
                 if self._client.holding is not None:
                     self._say(f"held: {self._client.holding}; release the dead-man switch and re-arm")
                 wiggles[name] = self._wiggle(left, right)
-                fault = report_fault(name, wiggles[name], whole=self._client.holding is None)
+                fault = report_fault(name, wiggles[name], self._client.config.deviation, whole=self._client.holding is None)
                 if fault is not None:
                     raise LinkError(f"arming: {fault}")
         fault, on_floor = turn_fault(wiggles["left"], wiggles["right"], self._chair.tracks.gauge_m)
@@ -244,12 +243,17 @@ class Arming:
         )
         return on_floor
 
+    @property
+    def _speed_m_s(self) -> float:
+        """Belt speed of the wiggle [m/s]: half of the bench's limit."""
+        return 0.5 * self._client.config.belt_limit_m_s
+
     def _wiggle(self, left: float, right: float) -> Wiggle:
         ahead = self._moved(left, right)
         # A guard that holds has seen a belt that does not follow: the way there shows which.
         back = [-value for value in ahead] if self._client.holding is not None else self._moved(-left, -right)
         own, other, turn = (0.5 * (one - two) for one, two in zip(ahead, back, strict=True))
-        return Wiggle(own_m_s=own, other_m_s=other, turn_rad_s=turn)
+        return Wiggle(asked_m_s=self._speed_m_s, own_m_s=own, other_m_s=other, turn_rad_s=turn)
 
     def _moved(self, left: float, right: float) -> tuple[float, float, float]:
         """Return the means of a movement: speeds of the moved and of the other belt [m/s], gyro rate [rad/s]."""
@@ -257,19 +261,30 @@ class Arming:
         session.wait("the guard holds, and no person re-armed", PERSON_S, lambda: client.holding is None)
         start_s, tracks, rates = session.t_s, list[TrackReading](), list[float]()
         while session.t_s < start_s + WIGGLE_S and client.holding is None:
-            for reading in session.tick(left * WIGGLE_M_S, right * WIGGLE_M_S):
+            for reading in session.tick(left * self._speed_m_s, right * self._speed_m_s):
                 if isinstance(reading, TrackReading) and session.t_s > start_s + SETTLE_S:
                     tracks.append(reading)
                 elif isinstance(reading, ImuSample) and session.t_s > start_s + SETTLE_S:
                     rates.append(reading.angular_velocity_rad_s[2])
         if not tracks or not rates:
-            return float(left + right) * WIGGLE_M_S, 0.0, 0.0  # held before the belt moved: the wiggle is repeated
+            return (left + right) * self._speed_m_s, 0.0, 0.0  # held before the belt moved: the wiggle is repeated
         belts = fmean(reading.left_m_s for reading in tracks), fmean(reading.right_m_s for reading in tracks)
         own, other = belts if left else belts[::-1]
         return own, other, fmean(rates)
 
+    def _check_camera(self, camera: CameraThread) -> None:
+        """Raise where the camera is silent, or too slow for a chair that holds ``SILENCE_S`` after a frame was due."""
+        wait = self._session.wait
+        wait("no frame of the camera", SPEAK_S, lambda: camera.count > 0 or camera.error is not None)
+        wait("too few frames of the camera", SPEAK_S, lambda: camera.is_measured or camera.error is not None)
+        if camera.error is not None:
+            raise LinkError(f"arming: camera: {camera.error}")
+        if camera.period_s + camera.lateness_s > SILENCE_S:
+            seen = f"sends a frame each {camera.period_s:.2f} s, up to {camera.lateness_s:.2f} s late"
+            raise LinkError(f"arming: the camera {seen}: a lost frame would hold the chair; raise its rate, or close programs")
+
     def _check_axes(self) -> None:
-        """Raise where gravity is not along +z, or the attitude contradicts it."""
+        """Raise where gravity is not along +z of a chair on level ground, or the attitude contradicts it."""
         samples: list[ImuSample] = []
         end_s = self._session.t_s + SETTLE_S
         while self._session.t_s < end_s:
@@ -277,7 +292,8 @@ class Arming:
         if not samples:
             raise LinkError("arming: the imu fell silent; is it plugged in and powered?")
         x, y, z = (fmean(sample.linear_acceleration_m_s2[axis] for sample in samples) for axis in range(3))
-        if z < math.cos(TILT_RAD) * math.hypot(x, y, z) or abs(math.hypot(x, y, z) / GRAVITY_M_S2 - 1.0) > SCALE:
+        size, deviation = math.hypot(x, y, z), self._client.config.deviation
+        if z < math.cos(TILT_RAD) * size or abs(size / GRAVITY_M_S2 - 1.0) > deviation:
             raise LinkError(
                 f"arming: the specific force is ({x:.1f}, {y:.1f}, {z:.1f}) m/s² where (0, 0, 9.8) is at rest on level ground; "
                 "correct the axes of the inertial sensor, or stand level"

@@ -33,7 +33,7 @@ def open_links(requests: Mapping[str, Any], limits: DriveLimits) -> dict[str, An
     links: dict[str, Any] = {}
     try:
         for port, request in requests.items():
-            links[port] = links["drives"] if request["class"] == "drives" else _opened(port, request, limits)
+            links[port] = links.get(request["class"]) or _opened(port, request, limits)
             _check_protocol(port, links[port])
     except LinkError:
         for link in {id(link): link for link in links.values()}.values():

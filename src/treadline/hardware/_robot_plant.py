@@ -7,6 +7,8 @@ import time
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import replace
+from itertools import pairwise
+from statistics import median
 from threading import Event as Flag
 from threading import Thread
 from typing import Any
@@ -29,7 +31,8 @@ DELAYS = 10
 class CameraThread:
     """Thread that reads a live camera; it stamps frames on the host's monotonic clock.
 
-    The device's clock, which drifts, is mapped by the smallest delay between exposure and arrival within ``DELAYS`` frames.
+    The device's clock, which drifts, is mapped by the smallest delay between exposure and arrival within ``DELAYS`` frames. A
+    constant delay of the device is unknown to the host.
 
     Args:
         frames: Frames of a live camera, stamped on the device's clock.
@@ -43,6 +46,8 @@ class CameraThread:
         """Why the camera stopped; None while it runs."""
         self.count = 0
         """Number of frames so far."""
+        self._stamps_s = deque[float](maxlen=DELAYS + 1)
+        self._offsets_s = deque[float](maxlen=DELAYS)
         self._thread = Thread(target=self._run, name="camera", daemon=True)
         self._thread.start()
 
@@ -55,18 +60,34 @@ class CameraThread:
                 taken.append(replace(frame, t_s=frame.t_s - start_s))
         return taken
 
+    @property
+    def is_measured(self) -> bool:
+        """Whether enough frames have come for ``period_s`` and ``lateness_s``."""
+        return self.count > DELAYS
+
+    @property
+    def period_s(self) -> float:
+        """Median of the last frames' periods [s]."""
+        return median(after - before for before, after in pairwise(tuple(self._stamps_s)))
+
+    @property
+    def lateness_s(self) -> float:
+        """Largest delay of the last frames above their smallest [s]."""
+        offsets_s = tuple(self._offsets_s)
+        return max(offsets_s) - min(offsets_s)
+
     def close(self) -> None:
         """End the thread after its next frame; a camera that is stuck is left behind."""
         self._is_over.set()
         self._thread.join(1.0)
 
     def _run(self) -> None:
-        offsets_s = deque[float](maxlen=DELAYS)
         try:
             for named in self._frames:
                 if named.frame is not None:
-                    offsets_s.append(time.monotonic() - named.frame.t_s)
-                    self._waiting.append(replace(named.frame, t_s=named.frame.t_s + min(offsets_s)))
+                    self._stamps_s.append(named.frame.t_s)
+                    self._offsets_s.append(time.monotonic() - named.frame.t_s)
+                    self._waiting.append(replace(named.frame, t_s=named.frame.t_s + min(self._offsets_s)))
                     self.count += 1
                 if self._is_over.is_set():
                     return

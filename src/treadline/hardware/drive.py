@@ -18,18 +18,19 @@ from treadline.core.errors import SettingsError
 from treadline.core.models import ControllerDesign
 from treadline.core.own_modules import own_module
 from treadline.core.signals import TICK_S, Event
+from treadline.estimation import FilterConfig
 from treadline.guard import GuardConfig
 from treadline.hardware._arming import Arming, BenchSession
 from treadline.hardware._guard_client import GuardClient
 from treadline.hardware._real_time import LOOP, real_time
 from treadline.hardware._robot_plant import CameraThread, RobotPlant
 from treadline.hardware.ports import StickReading
-from treadline.hardware.robot_file import BENCH_M_S, RobotFile
+from treadline.hardware.robot_file import RobotFile
 from treadline.io.live import CAMERAS, camera_by_name
 from treadline.io.live.stream import LiveFrames
 from treadline.io.mcap_log import RunLog
 from treadline.io.runs import LOG, begin_run, log_metadata, write_result, write_series
-from treadline.mission.loop import Mission
+from treadline.mission.loop import Mission, Tick
 from treadline.mission.mission_blocks import build_blocks, guard_config, warm_up
 from treadline.mission.mission_config import MissionConfig
 from treadline.run.scene_log import SceneLog
@@ -40,9 +41,6 @@ from treadline.scenario.shipped_files import shipped_controller
 
 BENCH_PERIOD_S = 0.25
 """Control period of a session without a mission [s]: Table I, 4 Hz."""
-VISION_ONLY_S = 0.1
-"""Time without the inertial sensor after which a real chair holds [s]: 0.3 s, of which the heading filter takes 0.2 s to detect a
-frozen gyro (row 8 of the table of hazards)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,16 +78,22 @@ class Robot:
     def bench_config(self) -> GuardConfig:
         """Limits of the guard without a mission: a person commands the belts, slowly."""
         config = guard_config(replace(self.mission, loop="open", reports_ground=False), BENCH_PERIOD_S)
-        return replace(config, belt_limit_m_s=min(BENCH_M_S, config.belt_limit_m_s), has_planner=False)
+        return replace(config, belt_limit_m_s=min(config.slow_limit_m_s, config.belt_limit_m_s), has_planner=False)
 
-    def drive_config(self, period_s: float) -> GuardConfig:
+    def drive_config(self, period_s: float, frame_s: float) -> GuardConfig:
         """Limits of the guard for a drive.
 
         A chair whose camera or inertial sensor is silent holds soon: driving on by one sensor alone, as the simulated chair does,
-        was never tried on a real one.
+        was never tried on a real one. A camera is silent from the moment at which its next frame is due, and the heading filter
+        takes a part of the time to detect a frozen gyro (rows 1 and 8 of the table of hazards).
+
+        Args:
+            period_s: Control period [s].
+            frame_s: Period of the camera's frames [s].
         """
         config = guard_config(self.mission, period_s)
-        return replace(config, blind_timeout_s=config.silence_s, vision_only_s=VISION_ONLY_S)
+        frozen_s = FilterConfig().stuck.for_s
+        return replace(config, blind_timeout_s=frame_s + config.silence_s, vision_only_s=config.silence_s - frozen_s)
 
 
 def camera_of(file: RobotFile) -> CameraThread:
@@ -130,8 +134,8 @@ def record(file: RobotFile, out: Path, seconds: float) -> dict[str, Any]:
     """
     robot = Robot.of(file)
     config, count = robot.bench_config(), 0
-    wanted = None if file.camera is None else camera_of(file)
-    with _connected(robot, wanted) as (client, camera), _recorded(robot, out, config, 1) as scene:
+    camera = None if file.camera is None else camera_of(file)
+    with _connected(robot, camera) as client, _recorded(robot, out, config, 1) as scene:
         session = BenchSession(client, config, "recording without motion", _without_sticks(scene), rearms=False)
         with suppress(KeyboardInterrupt):
             while session.t_s < seconds:
@@ -148,12 +152,12 @@ def bench(file: RobotFile, out: Path, seconds: float, say: Callable[[str], None]
     Raises:
         TreadlineError: If a device does not open, arming fails, or a link is lost.
     """
-    limits = file.limits.model_copy(update={"belt_m_s": min(BENCH_M_S, file.limits.belt_m_s)})  # for the box as well
+    config = Robot.of(file).bench_config()
+    limits = file.limits.model_copy(update={"belt_m_s": config.belt_limit_m_s})  # for the box as well
     file = file.model_copy(update={"limits": limits})
     robot = Robot.of(file)
-    config = robot.bench_config()
     events: list[Event] = []
-    with _connected(robot, None, say) as (client, _), _recorded(robot, out, config, 0) as scene:
+    with _connected(robot, None, say) as client, _recorded(robot, out, config, 0) as scene:
         session = BenchSession(client, config, "not armed", _declared(_without_sticks(scene), events, say))
         arming = Arming(session, client, file, robot.chair, say)
         arming.sensors(None)
@@ -181,32 +185,38 @@ def drive(file: RobotFile, out: Path, seconds: float, say: Callable[[str], None]
     robot = Robot.of(file)
     blocks = build_blocks(robot.mission)
     warm_up(robot.mission)
-    config = robot.drive_config(blocks.driver.period_s)
     events: list[Event] = []
     headings: list[float] = []
-    with _connected(robot, camera_of(file), say) as (client, camera), _recorded(robot, out, config, images) as scene:
+    camera = camera_of(file)
+    with _connected(robot, camera, say) as client:
         arming = Arming(BenchSession(client, robot.bench_config(), "not armed"), client, file, robot.chair, say)
         arming.sensors(camera)
         arming.dead_man()
         if not arming.signs():
             raise SettingsError("the belts are lifted: put the chair on the floor, or run --bench")
-        say("armed; release the dead-man switch, then hold it and re-arm: the chair drives")
-        start_s = client.begin(config, "armed: waits for a re-arm")
-        mission = Mission(RobotPlant(client, start_s, camera), replace(blocks, guard=client), _declared(scene, events, say))
-        over: tuple[str, str | None] | None = None
-        with mission.watchdog, suppress(KeyboardInterrupt):
-            while over is None:
-                tick = mission.tick()
-                scene.plan(tick.plan)
-                headings.append(math.nan if tick.estimate is None else tick.estimate.heading_rad / DEG)
-                if client.lost is not None:
-                    over = "held", client.lost
-                elif tick.plan.phase in ("arrived", "refused"):
-                    over = tick.plan.phase, tick.plan.cause or None
-                elif tick.t_s > seconds:
-                    over = "time_up", None
+        config = robot.drive_config(blocks.driver.period_s, camera.period_s)
+        with _recorded(robot, out, config, images) as scene:
+            say("armed; release the dead-man switch, then hold it and re-arm: the chair drives")
+            start_s = client.begin(config, "armed: waits for a re-arm")
+            mission = Mission(RobotPlant(client, start_s, camera), replace(blocks, guard=client), _declared(scene, events, say))
+            over: tuple[str, str | None] | None = None
+            with mission.watchdog, suppress(KeyboardInterrupt):
+                while over is None:
+                    tick = mission.tick()
+                    scene.plan(tick.plan)
+                    headings.append(math.nan if tick.estimate is None else tick.estimate.heading_rad / DEG)
+                    over = _ending(tick, client.lost, seconds)
     write_series(out, {"t_s": np.arange(len(headings)) * TICK_S, "estimate_deg": np.array(headings)})
     return _ended(out, *(over or ("ended", "by the operator")), len(headings) * TICK_S, events)
+
+
+def _ending(tick: Tick, lost: str | None, seconds: float) -> tuple[str, str | None] | None:
+    """Return verdict and cause of a drive that is over."""
+    if lost is not None:
+        return "held", lost
+    if tick.plan.phase in ("arrived", "refused"):
+        return tick.plan.phase, tick.plan.cause or None
+    return ("time_up", None) if tick.t_s > seconds else None
 
 
 def _without_sticks(sink: Callable[[Any, float], None]) -> Callable[[Any, float], None]:
@@ -227,17 +237,15 @@ def _declared(sink: Callable[[Any, float], None], events: list[Event], say: Call
 
 
 @contextmanager
-def _connected(
-    robot: Robot, camera: CameraThread | None, say: Callable[[str], None] = lambda _: None
-) -> Iterator[tuple[GuardClient, CameraThread | None]]:
-    """Yield guard process and camera; the chair is stopped and both are released at the end, however it comes."""
+def _connected(robot: Robot, camera: CameraThread | None, say: Callable[[str], None] = lambda _: None) -> Iterator[GuardClient]:
+    """Yield the guard process; the chair is stopped, and process and camera are released, at the end, however it comes."""
     with ExitStack() as stack:
         if camera is not None:
             stack.callback(camera.close)
         client = GuardClient(robot.file)
         stack.callback(client.close)
         say(f"loop: {stack.enter_context(real_time(LOOP))}; guard: {client.note}")
-        yield client, camera
+        yield client
 
 
 def _ended(out: Path, verdict: str, cause: str | None, duration_s: float, events: list[Event]) -> dict[str, Any]:

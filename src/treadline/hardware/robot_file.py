@@ -20,8 +20,8 @@ LINKS = {
     "gamepad": "treadline.hardware._handset:Gamepad",
 }
 """Class of each link that has a name."""
-BENCH_M_S = 0.1
-"""Largest belt speed on the bench [m/s]: the guard's slow limit, at which a lifted belt stops within 10 mm."""
+SHARED = ("drives", "imu")
+"""Tables whose device may carry other ports as well."""
 Positive = Annotated[float, Field(gt=0.0)]
 Sign = Literal[-1, 1]
 
@@ -45,12 +45,12 @@ class LinkTable(Settings):
     model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False, strict=True)
 
     link: str
-    """Name or class: serial, can, keyboard, gamepad, module:Class, or drives for a device that the drives' link reads too."""
+    """Name or class: serial, can, keyboard, gamepad, module:Class; drives or imu for a device that the link of that table reads."""
 
     @model_validator(mode="after")
     def _has_a_class(self) -> "LinkTable":
-        if self.link not in (*LINKS, "drives") and ":" not in self.link:
-            raise ValueError(f"'{self.link}' is no link; give {', '.join(LINKS)}, drives, or module:Class of your own driver")
+        if self.link not in (*LINKS, *SHARED) and ":" not in self.link:
+            raise ValueError(f"'{self.link}' is no link; give {', '.join((*LINKS, *SHARED))}, or module:Class of your own driver")
         return self
 
     @property
@@ -113,13 +113,15 @@ class RobotFile(Settings):
 
     @model_validator(mode="after")
     def _each_device_has_one_link(self) -> "RobotFile":
-        if self.drives.link == "drives":
-            raise ValueError("drives.link is 'drives', itself; give serial, can, or module:Class")
         seen: dict[str, str] = {}
+        opened: set[str] = set()
         for name, table in self.tables.items():
+            if table.link in SHARED and table.link not in opened:
+                raise ValueError(f"{name}.link is '{table.link}', which is no table before; give serial, can, or module:Class")
+            opened.add(name)
             port = (table.model_extra or {}).get("port")
-            if table.link != "drives" and port is not None and seen.setdefault(str(port), name) != name:
-                raise ValueError(f"{name}.port is '{port}', which {seen[str(port)]} opens; write {name}.link = 'drives'")
+            if table.link not in SHARED and port is not None and seen.setdefault(str(port), name) != name:
+                raise ValueError(f"{name}.port is '{port}', which {seen[str(port)]} opens; write {name}.link = '{seen[str(port)]}'")
         return self
 
     @property

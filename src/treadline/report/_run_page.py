@@ -34,6 +34,8 @@ COLUMNS = (
     *("left_m_s", "right_m_s", "x_m", "y_m", "friction_use"),
 )
 """Columns of series.csv that the figures draw."""
+MEASURED = ("t_s", "estimate_deg")
+"""Those of a real chair, whose ground truth nobody knows."""
 
 
 def write_run_page(folder: Path) -> Recording:
@@ -47,7 +49,8 @@ def write_run_page(folder: Path) -> Recording:
     manifest = read_part(folder / "manifest.json", Manifest)
     if result.seed is not None and result.seed != manifest.seed:
         raise SettingsError(f"{folder}: result.json is of seed {result.seed}, manifest.json of {manifest.seed}; make the run again")
-    series, recording = checked_series(folder), read_recording(folder)
+    columns = MEASURED if "robot" in manifest.settings else COLUMNS
+    series, recording = checked_series(folder, columns), read_recording(folder)
     data = player_data(recording)
     phases = [(span.start_s, span.name) for span in recording.phases]
     svg = svg_of(single_run(series, phases, recording, seat_alone=result.seat is not None))
@@ -85,8 +88,11 @@ def write_page(
     return path
 
 
-def checked_series(folder: Path) -> dict[str, Float[np.ndarray, " T"]]:
-    """Return the columns of a run's series.csv.
+def checked_series(folder: Path, columns: Sequence[str] = COLUMNS) -> dict[str, Float[np.ndarray, " T"]]:
+    """Return the columns of a run's series.csv; those that a real chair cannot know are NaN.
+
+    Args:
+        columns: Columns that the table must have.
 
     Raises:
         SettingsError: If it is missing, is not a table, or lacks a column.
@@ -101,9 +107,11 @@ def checked_series(folder: Path) -> dict[str, Float[np.ndarray, " T"]]:
     except (ValueError, IndexError, UserWarning) as error:
         said = " ".join(str(error).split())[:80]
         raise SettingsError(f"{path}: not a table of numbers ({said}); make the run again") from None
-    missing = [name for name in COLUMNS if name not in series]
+    missing = [name for name in columns if name not in series]
     if missing:
         raise SettingsError(f"{path}: no column '{missing[0]}'; make the run again")
+    absent = np.full(len(series["t_s"]), np.nan)
+    series = {**dict.fromkeys(COLUMNS, absent), **series}
     for name, values in series.items():
         check_magnitude(f"{path}: column '{name}'", values[np.isfinite(values)], "make the run again")
     if not np.isfinite(series["t_s"]).all():

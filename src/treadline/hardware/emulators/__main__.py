@@ -1,6 +1,8 @@
 """Command line of the emulators: ``python -m treadline.hardware.emulators serial``."""
 
 import math
+import os
+import select
 import sys
 from pathlib import Path
 from typing import Literal
@@ -8,6 +10,7 @@ from typing import Literal
 import cyclopts
 
 from treadline.core.errors import TreadlineError
+from treadline.hardware._real_time import LOOP, real_time
 from treadline.hardware.emulators._can import CanAxes
 from treadline.hardware.emulators._chair import EmulatedChair
 from treadline.hardware.emulators._clock import TickPacer
@@ -35,6 +38,8 @@ def emulate(
 ) -> None:
     """Emulate a chair: its motion in MuJoCo, and the firmware of its box, until Ctrl-C.
 
+    A fault that is typed, KIND or KIND=VALUE and Enter, begins at once; an empty line ends all faults.
+
     Args:
         link: Link to the drives: serial, a line behind a pseudo-terminal; or can, a bus of python-can's udp_multicast with the axes
             1 (left) and 2 (right), whose motors turn the chair's pulleys directly. The sensors are on the serial line in both.
@@ -58,10 +63,21 @@ def emulate(
         box = CanAxes(chair, faults, terminal, NODES, turn_m, bus)
     _say(f"chair at {port}{'' if link == 'serial' else f', drives on {channel}'}; Ctrl-C ends it")
     pacer = TickPacer(pace)
-    while True:
-        for event in box.step():
-            _say(event)
-        pacer.wait()
+    with real_time(LOOP) as granted:  # a chair does not slow down with the computer that drives it
+        _say(granted)
+        while True:
+            for line in _typed():
+                faults.type(line, chair.t_s)
+                _say(f"{chair.t_s:.2f} s: fault {line or 'none'}")
+            for event in box.step():
+                _say(event)
+            pacer.wait()
+
+
+def _typed() -> list[str]:
+    """Return the lines that a person has typed."""
+    is_ready = select.select([0], [], [], 0.0)[0]
+    return os.read(0, 4096).decode().splitlines() if is_ready else []
 
 
 def _say(text: str) -> None:

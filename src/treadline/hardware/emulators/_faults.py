@@ -55,6 +55,15 @@ class Faults:
         self._faults = [_fault_of(text) for text in written]
         self._done: set[EmulatedFault] = set()
 
+    def type(self, line: str, t_s: float) -> None:
+        """Begin the fault that a person typed, written without a start; an empty line ends all faults.
+
+        Raises:
+            SettingsError: If there is no such kind.
+        """
+        kind, _, value = line.strip().partition("=")
+        self._faults = [*self._faults, _fault_of(f"{kind}@{t_s}={value or FOR_GOOD_S}")] if kind else []
+
     def active(self, kind: str, t_s: float) -> bool:
         """Return whether a fault acts at a time."""
         return any(fault.kind == kind and 0.0 <= t_s - fault.start_s < fault.value for fault in self._faults)

@@ -32,13 +32,17 @@ class FrameFile:
             left.unlink(missing_ok=True)  # of another chair
 
     def write(self, frame: RgbdFrame) -> None:
-        """Replace the frame; a reader never sees half of one."""
+        """Replace the frame, stamped now; a reader never sees half of one.
+
+        A camera's clock runs evenly, while that of the emulator slows down on a busy computer.
+        """
+        t_s = time.monotonic()
         if not self._calibration.exists():
             self._calibration.write_text(CameraFile.of(frame.camera, "the emulated camera").text, encoding="utf-8")
         data = io.BytesIO()
         camera = frame.camera
         lens = (camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
-        np.savez(data, t_s=frame.t_s, depth_m=frame.depth_m, rgb=frame.rgb, lens=lens)
+        np.savez(data, t_s=t_s, depth_m=frame.depth_m, rgb=frame.rgb, lens=lens)
         draft = self._path.with_name(self._path.name + ".new")
         draft.write_bytes(data.getvalue())
         draft.replace(self._path)
