@@ -195,7 +195,7 @@ class RecordingBuilder(SignalCollector):
     def _missing(self) -> tuple[str, ...]:
         missing = []
         if not self._has_truth and len(self._samples["t_s"].rows):
-            missing.append("The log holds no ground truth: signals are shown without the chair's place in the world.")
+            missing.append("The log holds no ground truth: the chair is drawn where its belts and its inertial sensor put it.")
         if not self._has_poses:
             missing.append("The log was written before logs kept the chair's pose: the scene is not drawn; make the run again.")
         if self._scenario is None:
@@ -231,7 +231,10 @@ class RecordingBuilder(SignalCollector):
         self._drive(first)
 
     def _sample_sensors(self) -> None:
-        """Replace all samples by what sensors alone give, at the times of the most frequent one."""
+        """Replace all samples by what sensors alone give, at the times of the most frequent one.
+
+        The place is that of dead reckoning, from the origin, which says nothing of slip.
+        """
         t_s = np.unique(max((table.rows[:, 0] for table in self._tables.values()), key=len))
         imu = self._tables[ImuSample].rows
         _, w, x, y, z, rate_rad_s = imu.T
@@ -239,16 +242,20 @@ class RecordingBuilder(SignalCollector):
         turn = np.column_stack([imu[:, 0], pitch_rad, -rate_rad_s])
         pitch, seat_pitch = held(t_s, turn, 1), held(t_s, self._tables[SeatReading].rows, 1)
         belts = self._tables[TrackReading].rows
+        belt_m_s = np.column_stack([held(t_s, belts, 1), held(t_s, belts, 2)])
+        poses = _reckoned(t_s, belt_m_s, imu) if len(imu) else {}
         self._clear()
         self._extend(
             t_s=t_s,
+            **poses,
             seat_rad=np.nan_to_num(pitch - seat_pitch),
-            belt_m_s=np.column_stack([held(t_s, belts, 1), held(t_s, belts, 2)]),
+            belt_m_s=belt_m_s,
             pitch_rad=pitch,
             pitch_rate_rad_s=held(t_s, turn, 2),
             seat_pitch_rad=seat_pitch,
         )
         self._drive(0)
+        self._samples["slip"].rows[:] = np.nan
 
     def _clear(self) -> None:
         for column in self._samples.values():
@@ -312,6 +319,23 @@ class RecordingBuilder(SignalCollector):
             if is_final:
                 self._maps.append(placed)
         return tuple(found)
+
+
+def _reckoned(
+    t_s: Float[np.ndarray, " T"], belt_m_s: Float[np.ndarray, "T 2"], imu: Float[np.ndarray, "n 6"]
+) -> dict[str, Float[np.ndarray, "T ..."]]:
+    """Return place and attitude by dead reckoning: the mean belt speed along the x axis that the IMU measures.
+
+    Args:
+        t_s: Times of the samples.
+        belt_m_s: Belt speeds; unknown ones count as zero.
+        imu: Rows of ``COLUMNS``, at least one; the first holds before it too.
+    """
+    quat_WB = imu[np.maximum(np.searchsorted(imu[:, 0], t_s + ROUNDING_S, side="right") - 1, 0), 1:5]
+    w, x, y, z = quat_WB.T
+    ahead_W = np.column_stack([1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)])
+    steps_m = np.nan_to_num(belt_m_s).mean(axis=1) * np.diff(t_s, prepend=t_s[:1])
+    return {"p_WB": np.cumsum(steps_m[:, None] * ahead_W, axis=0), "quat_WB": quat_WB}
 
 
 class GrowingRows:

@@ -42,7 +42,7 @@ DEFAULT_CHAIR = "wheelchair"
 def read_recording(target: str | Path) -> Recording:
     """Return the recording of a run folder, of a treadline log, or of a ROS bag.
 
-    A bag that holds no ground truth gives signals without poses; ``Recording.missing`` says so.
+    Without ground truth the poses are those of dead reckoning; ``Recording.missing`` says so.
 
     Raises:
         LogFormatError: If there is no log, or the log is damaged, empty, or holds nothing to play.

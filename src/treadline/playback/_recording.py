@@ -196,6 +196,11 @@ class Recording:
         return len(self.t_s) > 0 and bool(np.isfinite(self.p_WB).all())
 
     @property
+    def is_reckoned(self) -> bool:
+        """Whether the chair's place is that of dead reckoning, because nobody knows the true one."""
+        return bool(np.isnan(self.heading_rad).all())
+
+    @property
     def staircase(self) -> Staircase | None:
         """Staircase of the run with its jitter, or None if the scenario is unknown."""
         return None if self.scenario is None else staircase_of(self.scenario, self.seed)
