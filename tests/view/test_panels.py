@@ -211,6 +211,17 @@ def test_missed_nosings_are_named_with_their_reasons() -> None:
     assert "(the frame is rejected)" in camera_html(session)
 
 
+def test_nothing_is_compared_with_a_stair_that_nobody_knows() -> None:
+    """Test: the same nosings in a log without ground truth. Expected: how many were perceived, and none that was missed."""
+    session = before_the_flight(frame(np.empty((0, 3))))
+    session.feed.frames[0] = frame(session.feed.staircase.nosings_W[1:2] - np.array([-1.5, 0.0, 0.0]))
+    session.feed.recording.heading_rad[:] = math.nan
+    page = camera_html(session)
+    assert "perceives 1 nosing" in page
+    assert "perceives 1 nosing: " not in page
+    assert "missed" not in page
+
+
 @pytest.mark.parametrize(
     ("x_m", "depth_m", "reason"),
     [

@@ -101,6 +101,11 @@ class Feed:
         """Whether nothing is known of the run yet."""
         return not len(self.recording.t_s)
 
+    @property
+    def knows_stair(self) -> bool:
+        """Whether the true stair is known and the chair's place on it: else neither stair nor true nosings are drawn."""
+        return not self.recording.is_reckoned or self.is_empty
+
     @cached_property
     def staircase(self) -> Staircase:
         """Staircase that is drawn."""

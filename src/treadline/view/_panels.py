@@ -90,16 +90,18 @@ def camera_html(session: Session) -> str:
     """
     frame, warning = session.feed.frame_at(session.cursor_s), camera_warning(session)
     jpeg = None if frame is None or frame.picture is None else base64.b64encode(frame.picture).decode("ascii")
-    perceived = missed = ""
+    perceived, missed = "", None
     if frame is not None and frame.is_judged and warning is None:
         found, lacking = _nosings_of(session, frame)
-        perceived, missed = perceived_text(len(frame.nosings_B), found), _reasons(lacking)
+        known = session.feed.knows_stair
+        perceived = perceived_text(len(frame.nosings_B), found if known else None)
+        missed = _reasons(lacking) if known else None
     return str(_HTML.camera(frame, warning, jpeg, perceived, missed))
 
 
 def _nosings_of(session: Session, frame: ShownFrame) -> tuple[Sequence[int], dict[int, str]]:
     """Return the numbers of the nosings that were perceived in a frame, and of the missed ones, each with the reason."""
-    if session.feed.is_empty:
+    if session.feed.is_empty or not session.feed.knows_stair:
         return (), {}
     run, nosings = session.run, session.feed.nosings
     k = run.index_at(frame.t_s)

@@ -72,7 +72,9 @@ def plot_data(plot: Plot, run: Recording, cursor_s: float, fork: Recording | Non
     if not len(run.t_s):
         return tuple(np.zeros(2) for _ in range(len(plot.curves) + len(known) + 3))
     thinned = [decimated(run.t_s, curve.values(run), BINS) for curve in plot.curves]
-    t_s, curves = thinned[0][0], [shown(plot, values) for _, values in thinned]
+    known_values = next((values for _, values in thinned if np.isfinite(values).any()), thinned[0][1])
+    # A curve without any value lies on one that has some.
+    t_s, curves = thinned[0][0], [shown(plot, values if np.isfinite(values).any() else known_values) for _, values in thinned]
     forked = curves[0]
     if fork is not None and len(fork.t_s) and not plot.no_fork:
         there = np.interp(t_s, fork.t_s, shown(plot, plot.curves[0].values(fork)))

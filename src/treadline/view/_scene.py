@@ -114,7 +114,7 @@ class SceneView:
         scene.set_background_image(BACKGROUND, format="png")
         scene.world_axes.visible = False
         self._world = scene.add_frame("/world", show_axes=False)
-        for part in stair_parts(self._feed.staircase):
+        for part in stair_parts(self._feed.staircase) if self._feed.knows_stair else ():
             self._add_part(f"/world/stair/{part.name}", part)
         server.initial_camera.position, server.initial_camera.look_at = CAMERA_M, LOOK_AT_M
 
@@ -163,8 +163,9 @@ class SceneView:
 
     def _add_nosings(self) -> None:
         camera = self._feed.camera
-        true_W = (self._feed.nosings.ends_W + np.array([0.0, 0.0, LIFT_M])).astype(np.float32)
-        self._add_lines("nosings/true", "true", 0.008, true_W)
+        if self._feed.knows_stair:
+            true_W = (self._feed.nosings.ends_W + np.array([0.0, 0.0, LIFT_M])).astype(np.float32)
+            self._add_lines("nosings/true", "true", 0.008, true_W)
         self._perceived = self._add_lines("nosings/perceived", "perceived", 0.012)
         self._missed = self._add_lines("nosings/missed", "missed", 0.014)
         self._planes = {
@@ -290,7 +291,8 @@ class SceneView:
         place = p_WB + WEDGE_LIFT_M * R_WS[:, 2]
         self._heading.position = place + 0.01 * R_WS[:, 2]
         self._heading.wxyz = quaternion_of(R_WS @ rotation_z(float(run.heading_rad[k])))
-        self._wedge.visible = not math.isnan(estimate_rad)
+        self._heading.visible = self._feed.knows_stair
+        self._wedge.visible = self._feed.knows_stair and not math.isnan(estimate_rad)
         if self._wedge.visible:
             half = max(math.tan(min(1.96 * float(run.sigma_rad[k]), 1.0)), LEAST_HALF_WEDGE)
             self._wedge.position, self._wedge.wxyz = place, quaternion_of(R_WS @ rotation_z(estimate_rad))
@@ -299,7 +301,7 @@ class SceneView:
     def _show_support(self, run: Recording, k: int, R_WB: Rotation, p_WB: Vector3, shift_m: tuple[float, float, float]) -> None:
         margin_rad, seat_rad, flipper_rad = float(run.margin_rad[k]), float(run.seat_rad[k]), float(run.flipper_rad[k])
         colour = COLOURS["bad" if margin_rad <= 0.0 else "near" if margin_rad < MARGIN_LIMIT_RAD else "good"]
-        found = support_at(run.chair, self._feed.staircase, R_WB, p_WB, flipper_rad)
+        found = support_at(run.chair, self._feed.staircase, R_WB, p_WB, flipper_rad) if self._feed.knows_stair else None
         self._support.visible = found is not None
         if found is not None:
             front, rear, left, right = found.front_m, -found.rear_m, found.left_m, -found.right_m
@@ -356,7 +358,7 @@ class SceneView:
         heading_rad = heading_rad if frame.heading_rad is None else frame.heading_rad
         across_B = HALF_LINE_M * np.array([math.sin(heading_rad), math.cos(heading_rad), 0.0])
         perceived_B = np.stack([frame.nosings_B - across_B, frame.nosings_B + across_B], axis=1)
-        _, missed = nosings.compare(frame.nosings_B, R_WB, p_WB) if frame.is_judged else ((), ())
+        _, missed = nosings.compare(frame.nosings_B, R_WB, p_WB) if frame.is_judged and self._feed.knows_stair else ((), ())
         missed_W = nosings.ends_W[[nosings.place_of(number) for number in missed]] + lift_W
         return (p_WB + perceived_B @ R_WB.T + lift_W).astype(np.float32), missed_W.astype(np.float32)
 

@@ -53,7 +53,7 @@ def open_recorded(target: str) -> Session:
     """Return a session of a recorded run.
 
     Raises:
-        LogFormatError: If the log is missing, damaged, empty, or without poses or ground truth.
+        LogFormatError: If the log is missing, damaged, empty, or without poses.
         SettingsError: If the run is of another version.
     """
     path, recording = Path(target), read_recording(target)
@@ -61,11 +61,6 @@ def open_recorded(target: str) -> Session:
         raise LogFormatError(
             f"{target}: no poses of the chair in this log, so there is no scene to show ({recording.missing[0].rstrip('.')}); "
             "treadline climb writes logs with poses, and treadline report draws the signals of any run folder"
-        )
-    if recording.is_reckoned:
-        raise LogFormatError(
-            f"{target}: a log without ground truth, to which this page would compare; treadline view {target} --export run.html "
-            "writes a page that plays it without"
         )
     scenario = recording.scenario or Scenario()
     feed = Feed.recorded(recording, Order(scenario=scenario, seed=recording.seed, controller=_controller_of(path)))
