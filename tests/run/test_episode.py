@@ -135,6 +135,20 @@ def test_a_chair_that_falls_from_a_nosing_two_millimetres_high_is_caught(seed: i
     assert run.scores.passenger_max_m_s2 < 3.2
 
 
+@pytest.mark.parametrize("slope_deg", [25.0, 30.0])
+def test_the_map_of_the_frame_that_gave_the_first_heading_counts(slope_deg: float) -> None:
+    """Test: a start on a flight, 30° from square. Expected result: the chair turns from the first frame on, and not a frame later:
+    0.1 s at 30° are 1.1° of the RMS heading over 80 s."""
+    scenario = Scenario(
+        stair=Stair(slope_deg=slope_deg, steps=20, width_m=2.4),
+        start=Start(place="flight", step=6, heading_deg=30.0),
+        drive=DriveSettings(duration_s=0.3),
+        sensors=Sensors(camera="statistical"),
+    )
+    events = traverse(scenario, controller=shipped_controller("wheelchair"), seed=0).events
+    assert next(event.t_s for event in events if event.name == "climb") < 0.1
+
+
 def test_too_little_friction_is_refused_and_backed_off_with_the_chair_level_again() -> None:
     # 0.9 of friction as declared, of which a wet floor leaves 0.92 of tan 28°: check cannot know.
     wet = {"kind": "low_friction", "at_s": 0.0, "for_s": 90.0, "value": 0.55}

@@ -114,6 +114,7 @@ class FlightSituation:
         self._where = StairTracker()
         self._level = LevelSteering(self._config.chair.tracks.gauge_m)
         self._skid = SkidMonitor()
+        self._waiting: StairMap | None = None
         self._narrow_maps = 0
         self._goes_back = False
         """Whether the operator has sent the chair back."""
@@ -137,10 +138,10 @@ class FlightSituation:
                     self._flipper_planner.forget()
                 self._where.update(signal)
             case StairMap():
-                # Without a heading the distances of a map along the chair are not those up the flight.
-                if signal.direction == self._way.direction and self._estimate is not None:
-                    self._where.update(signal)
-                    self._narrow_maps = self._narrow_maps + 1 if self._free_m() < self._half_width_m - SIDE_M else 0
+                # Without a heading the distances of a map along the chair are not those up the flight: it waits for one.
+                if signal.direction == self._way.direction:
+                    self._waiting = signal
+                    self._place_map()
             case FlipperReading():
                 self._flipper_planner.update(signal)
             case OperatorInput():
@@ -157,10 +158,19 @@ class FlightSituation:
         self.t_s, self._estimate = t_s, estimate
         if estimate is not None:
             self._where.heading_rad = estimate.heading_rad
+        self._place_map()
         self._around = self._where.around(self._pivot_m)
         here_m = self._goes * self._where.up_m
         if here_m > self._furthest_m + FURTHER_M:
             self._furthest_m, self.stalled_s = here_m, 0.0
+
+    def _place_map(self) -> None:
+        """Give the newest map to the tracker once a heading is known."""
+        if self._waiting is None or self._estimate is None:
+            return
+        self._where.update(self._waiting)
+        self._waiting = None
+        self._narrow_maps = self._narrow_maps + 1 if self._free_m() < self._half_width_m - SIDE_M else 0
 
     def enter(self, phase: Phase, cause: str, *, back: bool) -> None:
         """Begin a state that goes along the traversal, or against it."""
