@@ -94,3 +94,29 @@ def test_a_calibration_without_a_focal_length_or_of_another_size_is_refused() ->
     pairing.depth(depth(0))
     with pytest.raises(ImageError, match=r"sizes differ: an image of 4×3 at 0\.000 s, calibrated for 8×6"):
         pairing.calibrate(camera(8, 6))
+
+
+def test_a_rejected_calibration_makes_no_frame() -> None:
+    pairing = Pairing()
+    pairing.colour(colour(1))
+    pairing.depth(depth(1))
+    with pytest.raises(ImageError, match="no intrinsics: fx = 0"):
+        pairing.calibrate(camera(focal_px=0.0))
+    assert pairing.depth(depth(2)) == []
+    assert [number_of(frame) for frame in pairing.calibrate(camera())] == []  # the colour image is of the first
+    assert [number_of(frame) for frame in pairing.colour(colour(2))] == [2]
+
+
+@pytest.mark.parametrize("is_alone_enough", [False, True])
+def test_a_colour_image_of_another_size_is_none_or_an_error(is_alone_enough: bool) -> None:
+    """Test: colour at twice the size. Expected result: a frame without colour where that is enough, else an error."""
+    pairing = Pairing(is_alone_enough=is_alone_enough)
+    pairing.calibrate(camera())
+    pairing.depth(depth(1))
+    large = Picture(0.1, "rgb8", np.ones((6, 8, 3), np.uint8))
+    if is_alone_enough:
+        assert pairing.colour(large) == []
+        assert [frame.has_colour for frame in pairing.rest()] == [False]
+    else:
+        with pytest.raises(ImageError, match=r"8×6.*4×3"):
+            pairing.colour(large)

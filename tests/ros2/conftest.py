@@ -2,6 +2,7 @@
 
 import importlib
 import importlib.util
+import math
 import os
 import random
 import signal
@@ -113,18 +114,31 @@ class Bystander:
         deadline = time.monotonic() + lasts_s
         self.until(lambda: time.monotonic() >= deadline, "a pause", lasts_s + 1.0)
 
-    def ask(self, kind: Any, service: str, request: Any) -> Any:
+    def ask(self, kind: Any, service: str, request: Any, *, again_s: float = LAST_S) -> Any:
+        """Return the answer of a service; a question without an answer for ``again_s`` is asked again.
+
+        A client can see a service before the service's answers find the client: such an answer is lost for good.
+        """
         client = self.node.create_client(kind, service)
         self.until(client.service_is_ready, service)
-        answer = client.call_async(request)
-        self.until(answer.done, service)
+        answers: list[Any] = []
+        asked_s = -math.inf
+
+        def answered() -> bool:
+            nonlocal asked_s
+            if time.monotonic() - asked_s > again_s:
+                asked_s = time.monotonic()
+                answers.append(client.call_async(request))
+            return any(answer.done() for answer in answers)
+
+        self.until(answered, service)
         self.node.destroy_client(client)
-        return answer.result()
+        return next(answer.result() for answer in answers if answer.done())
 
     def state(self, node: str) -> str:
         from lifecycle_msgs.srv import GetState
 
-        return str(self.ask(GetState, f"{node}/get_state", GetState.Request()).current_state.label)
+        return str(self.ask(GetState, f"{node}/get_state", GetState.Request(), again_s=5.0).current_state.label)
 
     def change(self, node: str, transition: int) -> bool:
         from lifecycle_msgs.srv import ChangeState

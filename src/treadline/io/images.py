@@ -124,12 +124,13 @@ class Pairing:
         Raises:
             ImageError: If the calibration has no focal length, or an image has another size.
         """
-        self._camera = given = self._calibrate(camera)
+        given = self._calibrate(camera)
         if given is None or not (given.fx_px > 0.0 and given.fy_px > 0.0 and math.isfinite(given.cx_px + given.cy_px)):
             raise ImageError(
                 f"no intrinsics: fx = {camera.fx_px:g}, fy = {camera.fy_px:g} px; the camera was never calibrated: give --camera "
                 "FILE, or --set camera.fx_px, fy_px, cx_px and cy_px"
             )
+        self._camera = given
         return self._completed()
 
     def depth(self, image: Picture) -> list[Paired]:
@@ -164,7 +165,9 @@ class Pairing:
         return []
 
     def _colour_of(self, depth: Picture) -> Picture | None:
-        return next((colour for colour in self._colours if abs(colour.t_s - depth.t_s) <= PAIR_S), None)
+        """Return the colour image of its time; one of another size counts as none where a depth image is enough."""
+        near = (colour for colour in self._colours if abs(colour.t_s - depth.t_s) <= PAIR_S)
+        return next((colour for colour in near if colour.size == depth.size or not self._is_alone_enough), None)
 
     def _given_up(self, count: int) -> list[Paired]:
         """Return the frames of the oldest depth images, which wait no longer."""
