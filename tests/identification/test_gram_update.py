@@ -98,8 +98,8 @@ def test_an_option_that_does_not_go_with_a_prior_is_rejected(draw: Draw, options
 
 def test_a_prior_of_other_channels_or_period_is_rejected(draw: Draw) -> None:
     record = draw(0, samples=300, noise=0.05)
-    prior = fit(record, order=2, method="pbsid").gram
-    with pytest.raises(SettingsError, match="the prior has 2 inputs of 4 channels, the record 2 of 3"):
-        fit(replace(record, y=record.y[:, :1]), prior=prior)
+    prior, difference = (fit(replace(record, u=u), method="pbsid").gram for u in (record.u, record.u[:, :1] * [-1.0, 1.0]))
+    with pytest.raises(SettingsError, match=r"the prior has right_less_left, .*; the record has left_m_s, right_m_s, .*; identify"):
+        fit(record, prior=difference)
     with pytest.raises(SettingsError, match=r"the prior's period is 1 s, the record's 0\.5 s"):
         fit(replace(record, dt_s=0.5), prior=prior)

@@ -13,7 +13,6 @@ import math
 from typing import Literal
 
 from treadline.control.flipper import (
-    AT_EDGE_M,
     FLIPPER_PER_S,
     GENTLY_RAD_S,
     LIES_RAD,
@@ -52,6 +51,9 @@ LIES_S = 1.0
 """Time nearly horizontal with an unloaded tip after which the belts lie on the landing [s], despite the error of gravity."""
 
 
+REACH_FROM_M = 0.08
+"""Distance of the front pulley past the landing's edge at which the flipper reaches down [m], before the chair can tip from a high
+nosing behind it onto the last: 0.16 m at the earliest. A tip that reaches down 15 cm too early stands on the nosing and retries."""
 LEAD_M_S = 0.03
 """Speed while the pitch is lowered [m/s]: the further the chair moves, the more load the flipper carries."""
 SLIDE_M_S = 0.06
@@ -89,7 +91,7 @@ class Crest(Sequencer[Stage]):
                 self._stage, self._cause = "barred", cause
             case "climb" if self._edge_past_m > -self._geometry.length_m:
                 self._stage = "slow"
-            case "slow" if self._edge_past_m > AT_EDGE_M:
+            case "slow" if self._edge_past_m > REACH_FROM_M:
                 self._stage, self._waited_s, self._least_m = "reach", 0.0, math.inf
             case "reach" if self._tip.carries or self._is_lifted(pitch):
                 self._meet(pitch, flipper)
@@ -150,7 +152,7 @@ class Crest(Sequencer[Stage]):
 
     def _may_go_on(self, pitch: float) -> bool:
         """Return whether another attempt leaves the centre of mass behind the nosing, even if its first position was correct."""
-        goes_m = AT_EDGE_M + (self._tries + 1) * (EARLY_M + AT_EDGE_M)
+        goes_m = REACH_FROM_M + (self._tries + 1) * (EARLY_M + REACH_FROM_M)
         return plumb(self._loading, pitch) < self._geometry.pivot_m - goes_m
 
     def _act(self, pitch: float, flipper: FlipperReading, speed: float, dt_s: float) -> tuple[float, float]:

@@ -39,9 +39,6 @@ THERE_RAD = 5.0 * DEG
 PLACE_M = 0.03
 """Error of the centre of mass's place before a nosing, by the tip's load or the map [m]: 5 % of weight and reach at
 0.6 m of reach."""
-AT_EDGE_M = 0.07
-"""Distance of the front pulley past the landing's edge at which the flipper reaches down [m], before the chair can tip from a high
-nosing behind it onto the last: 0.16 m at the earliest."""
 CARRIES_N = 80.0
 """Load above which the tip counts as standing [N]: five times the uncertainty from torque noise and flipper weight."""
 CARRIES_SHARE = 0.2

@@ -146,12 +146,11 @@ def _check_judged(judged: Sequence[InputOutputRecord]) -> None:
 
 
 def _check_prior(prior: Gram, record: InputOutputRecord) -> None:
-    if prior.units.input_count != record.u.shape[1] or len(prior.units.scale) != record.u.shape[1] + record.y.shape[1]:
-        raise SettingsError(
-            f"the prior has {prior.units.input_count} inputs of {len(prior.units.scale)} channels, the record "
-            f"{record.u.shape[1]} of {record.u.shape[1] + record.y.shape[1]}"
-        )
-    if prior.names and prior.names != channel_names(record):
-        raise SettingsError(f"the prior has channels {', '.join(prior.names)}; the record has {', '.join(channel_names(record))}")
+    names, units = channel_names(record), prior.units
+    has_other_names = prior.names not in ((), names)  # a fit of the belts' difference has one input
+    if has_other_names or (units.input_count, len(units.scale)) != (record.u.shape[1], len(names)):
+        its = ", ".join(prior.names) or f"{len(units.scale)} channels, {units.input_count} of them inputs"
+        remedy = "identify from all logs without a prior"
+        raise SettingsError(f"the prior has {its}; the record has {', '.join(names)}; {remedy}")
     if abs(prior.dt_s - record.dt_s) > 1e-9 * prior.dt_s:
         raise SettingsError(f"the prior's period is {prior.dt_s:g} s, the record's {record.dt_s:g} s")
