@@ -356,7 +356,7 @@ class Run(Printable):
 
         if len(self.episode.trace["t_s"]) < 2:
             raise TreadlineError(f"nothing to plot: the run ended before its first tick ({self.verdict}: {self.cause})")
-        return single_run(self.series, () if self.episode.scores is None else self.episode.scores.phases)
+        return single_run(self.series, self.episode.phases)
 
     def printed(self) -> tuple[str, list[tuple[str, str]]]:
         """Return the title and the most important scores."""

@@ -51,20 +51,19 @@ class Traverse(Brief):
     """Ground truth; no rows without it."""
     estimate_rad: Float[np.ndarray, " T"]
     """Heading estimate at each tick [rad]; NaN before the first estimate."""
+    phases: tuple[tuple[float, str], ...]
+    """Start time [s] and name of each phase of the mission, known without ground truth."""
     events: tuple[Event, ...]
     cpu_s: float
     """CPU time of the run [s], without just-in-time compilation."""
 
     def summary(self) -> dict[str, Any]:
         """Return the run as JSON values, under the contract's keys."""
-        return {
-            "verdict": self.verdict,
-            "cause": self.cause,
-            "seed": self.seed,
-            **({} if self.scores is None else asdict(self.scores)),
-            "events": [asdict(event) for event in self.events],
-            "real_time_factor": max(len(self.estimate_rad) - 1, 0) * TICK_S / max(self.cpu_s, 1e-9),
-        }
+        duration_s = max(len(self.estimate_rad) - 1, 0) * TICK_S
+        run = {"verdict": self.verdict, "cause": self.cause, "seed": self.seed, "duration_s": duration_s, "phases": self.phases}
+        scores = {} if self.scores is None else asdict(self.scores)
+        events = [asdict(event) for event in self.events]
+        return run | scores | {"events": events, "real_time_factor": duration_s / max(self.cpu_s, 1e-9)}
 
 
 def run_episode(
@@ -262,6 +261,7 @@ class _EpisodeRecorder:
             scores=scores,
             trace=trace,
             estimate_rad=np.array(self._estimates),
+            phases=phases,
             events=tuple(self._events),
             cpu_s=cpu_s,
         )
