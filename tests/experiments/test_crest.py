@@ -112,7 +112,7 @@ def test_a_motor_that_dies_over_the_edge_lets_the_chair_back_onto_the_landing(ri
 
 def test_a_motor_that_dies_as_the_rear_comes_down_leaves_the_chair_on_the_flight(ride: Ride) -> None:
     # Lifted to 28.0°, it settles from 27.5° on; the dead flipper holds it up there until its brake has let it down.
-    crossing = ride(down(motor_lost_at_deg=27.6, duration_s=30.0))
+    crossing = ride(down(motor_lost_at_deg=27.6, duration_s=40.0))
     assert last_stage(crossing) == "done"
     assert crossing.ticks[-1].truth.pitch_rad == pytest.approx(28.0 * DEG, abs=0.2 * DEG)
     assert_gentle(crossing, WITH_ERRORS_DEG_S)

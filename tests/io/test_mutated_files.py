@@ -32,7 +32,7 @@ from treadline.scenario.shipped_files import DATA
 
 from ..conftest import Recording  # noqa: TID252 - pytest names the folders; outside of it they are no package
 from ..report.conftest import reproduced, write_log, write_reproduction, write_series  # noqa: TID252 - the same
-from .conftest import KINDS, Written
+from .conftest import Written, as_kind
 
 NUMBERS = (
     *("0", "-0.0", "-1", "7", "1e-5", "3.3e-43", "1e-320", "1e20", "1e308", "-1e308", "1e999", "2147483648"),
@@ -118,8 +118,7 @@ def log(kind: str) -> Reader:
     written: list[Written] = []
 
     def make(folder: Path) -> Path:
-        name, write = KINDS[kind]
-        written[:] = [write(folder / name, record())]
+        written[:] = [as_kind(kind, folder, record(), Recording)]
         return written[0].path
 
     def read(path: Path) -> object:

@@ -155,7 +155,7 @@ def test_the_log_names_its_run_and_the_same_seed_gives_the_same_bytes(run_folder
 
 
 def test_plans_are_kept_at_ten_hertz_and_where_the_phase_is_new(messages: dict[str, list[Any]], tmp_path: Path) -> None:
-    assert len(messages["/plan"]) == 12  # 1 s at 10 Hz, both ends included, and where the search ends
+    assert len(messages["/plan"]) == 11  # 1 s at 10 Hz, both ends included
     chair = read_chair("wheelchair")
     with RunLog(tmp_path / "log.mcap") as log, SceneLog(log, chair, Chair()) as scene:
         for k, phase in enumerate(["climb"] * 5 + ["crest"] * 5):

@@ -18,7 +18,7 @@ from treadline.scenario.faults import Fault, Process
 # Literals, so that a changed value in the code is detected here.
 ENOUGH = 0.4
 
-WAITS_S = 3.1
+WAITS_S = 2.6
 """Time until the flipper of a chair that wakes up on a flight is laid [s]."""
 AT_S = WAITS_S + 4.0
 

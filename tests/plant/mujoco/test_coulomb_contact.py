@@ -201,8 +201,8 @@ def test_a_compiled_step_is_the_gauss_seidel_solution(slope_deg: float, heading_
         plant.advance(t_s)
         residual, error, difference = one_step(plant)
         unconverged += residual > TOLERANCE_M_S2
-        # By the oracle's own measure the compiled solution violates the contact law by no more than its residual says.
-        assert error <= max(residual, TOLERANCE_M_S2)
+        # By the oracle's own measure the compiled solution violates the contact law by no more than its residual says, to rounding.
+        assert error <= max(residual, TOLERANCE_M_S2) * (1.0 + 1e-9)
         # The contacts' levers are 0.1 to 0.6 m, and a residual may stand in several contacts at once.
         scale = max(residual, TOLERANCE_M_S2)
         assert np.abs(difference[:3]).max() <= 6.0 * scale
