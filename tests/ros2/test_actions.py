@@ -91,7 +91,9 @@ def test_a_behaviour_tree_over_two_floors(graph: Any) -> None:
     assert answer.status == GoalStatus.STATUS_SUCCEEDED
     follow_path(graph, publisher, 1.5)
     states = graph.heard[on.GUARD]
-    assert [source for source, _ in groupby(state.source for state in states)] == ["driver", "velocity", "driver", "velocity"]
+    sources = [source for source, _ in groupby(state.source for state in states)]
+    after = ["velocity", "driver", "velocity"]
+    assert sources in (after, ["driver", *after])  # a state of the guard was heard before the first command, or not
     assert [state.holding for state in states if state.holding] == []
     phases = [message.phase for message in goal.feedback]
     assert {MotionPlan.PHASE_MOUNT, MotionPlan.PHASE_CREST} <= set(phases)
