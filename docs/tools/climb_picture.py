@@ -63,9 +63,7 @@ def render(recording: Recording, times_s: Float[np.ndarray, " n"]) -> list[Image
     Raises:
         SettingsError: If no Chromium is installed, or it draws nothing.
     """
-    browser = next((found for name in BROWSERS if (found := shutil.which(name))), None)
-    if browser is None:
-        raise SettingsError(f"no {' or '.join(BROWSERS)} on this machine; the pictures are drawn by it: apt-get install chromium")
+    browser = browser_here()
     with tempfile.TemporaryDirectory() as folder:
         page = Path(folder) / "film.html"
         page.write_text(_page(recording, times_s), encoding="utf-8")
@@ -75,6 +73,18 @@ def render(recording: Recording, times_s: Float[np.ndarray, " n"]) -> list[Image
     if len(drawn) != len(times_s):
         raise SettingsError(f"{browser} drew {len(drawn)} of {len(times_s)} frames; does it have WebGL 2 (SwiftShader)?")
     return [Image.open(io.BytesIO(base64.b64decode(data))).convert("RGB") for data in drawn]
+
+
+def browser_here() -> str:
+    """Return the path of a Chromium.
+
+    Raises:
+        SettingsError: If none is installed.
+    """
+    browser = next((found for name in BROWSERS if (found := shutil.which(name))), None)
+    if browser is None:
+        raise SettingsError(f"no {' or '.join(BROWSERS)} on this machine; the pictures are drawn by it: apt-get install chromium")
+    return browser
 
 
 def _page(recording: Recording, times_s: Float[np.ndarray, " n"]) -> str:

@@ -5,12 +5,11 @@
 
 import argparse
 import io
-import shutil
 import subprocess
 import tempfile
 from pathlib import Path
 
-from climb_picture import HEADLESS, TIMEOUT_S
+from climb_picture import HEADLESS, TIMEOUT_S, browser_here
 from PIL import Image, ImageOps
 
 SIZE_PX = (1440, 900)
@@ -22,12 +21,9 @@ def write_page_picture(page: Path, at_s: float, path: Path) -> None:
     """Draw a page at a time [s] of its run in headless Chromium, and write it at two thirds of its size.
 
     Raises:
-        FileNotFoundError: If no Chromium is installed.
+        SettingsError: If no Chromium is installed.
         subprocess.CalledProcessError: If it fails.
     """
-    browser = shutil.which("chromium") or shutil.which("google-chrome")
-    if browser is None:
-        raise FileNotFoundError("no Chromium on this machine; the picture is drawn by it: apt-get install chromium")
     width, height = SIZE_PX
     with tempfile.TemporaryDirectory() as folder:
         shot = Path(folder) / "shot.png"
@@ -37,13 +33,12 @@ def write_page_picture(page: Path, at_s: float, path: Path) -> None:
             f"--screenshot={shot}",
             f"--user-data-dir={folder}/p",
         )
-        command = [browser, *HEADLESS, *look, f"{page.resolve().as_uri()}#t={at_s}"]
+        command = [browser_here(), *HEADLESS, *look, f"{page.resolve().as_uri()}#t={at_s}"]
         subprocess.run(command, capture_output=True, timeout=TIMEOUT_S, check=True)  # noqa: S603 - fixed program
         image = Image.open(io.BytesIO(shot.read_bytes())).convert("RGB")
     image = image.crop(ImageOps.invert(image).getbbox())  # the browser leaves blank what lies above a page that it scrolled
-    image.resize((2 * image.width // 3, 2 * image.height // 3), Image.Resampling.LANCZOS).quantize(COLOURS).save(
-        path, optimize=True
-    )
+    smaller = image.resize((2 * image.width // 3, 2 * image.height // 3), Image.Resampling.LANCZOS)
+    smaller.quantize(COLOURS).save(path, optimize=True)
 
 
 if __name__ == "__main__":
