@@ -1,7 +1,6 @@
 """Contents of a sweep file, and draws within its ranges."""
 
 import math
-import re
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -27,16 +26,6 @@ shares = st.lists(st.floats(0.0, 1.0), min_size=ENVELOPE.dimension, max_size=ENV
 
 def drawn(spec: Spec, count: int, sampling: Any = "sobol", seed: int = 0) -> list[Drawn]:
     return [spec.at(point.tolist(), "a run") for point in points(sampling, spec.dimension, seed, count)]
-
-
-def refusal(path: Path) -> str:
-    with pytest.raises(SettingsError) as caught:
-        read_spec(path)
-    message = str(caught.value)
-    assert "\n" not in message
-    found = re.match(rf"{re.escape(str(path))}(:\d+)?: ", message)
-    assert found, message
-    return message[found.end() :]
 
 
 @given(shares)
@@ -169,45 +158,6 @@ def test_faults_may_be_drawn(spec_file: Write) -> None:
     faults = [run.scenario.fault[0] for run in drawn(spec, 8)]
     assert {fault.kind for fault in faults} == {"camera_lost", "imu_lost"}
     assert all(5.0 <= fault.at_s <= 30.0 for fault in faults)
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("", "no draws; add"),
-        ('[[draw]]\nkey = "stair.slope_deg"', r"draw 1 \(stair.slope_deg\): has no distribution; give one of uniform"),
-        ('[[draw]]\nkey = "stair.slope_deg"\nuniform = [20, 30]\nvalue = 3', "has uniform and value; give one of"),
-        ('[[draw]]\nkey = "stair.light.0"\nuniform = [0.5, 1]', "stair.light: must be a number .* .got a table."),
-        ('[[draw]]\nkey = "stair.texture"\nuniform = [0, 1]', "texture: must be 'wood'"),
-        ('[[draw]]\nkey = "stair.light"\nuniform = [1.2, 1.0]', "uniform from 1.2 to 1 is empty"),
-        ('[[draw]]\nkey = "stair.light"\nuniform = ["a", "b"]', "a bound must be a number, or"),
-        ('[[draw]]\nkey = "stair.light"\nuniform = [nan, 1]', "a bound is nan; it must be finite"),
-        ('[[draw]]\nkey = "stair.light"\nuniform = [{ times = 1, of = "stair.texture" }, 1]', "is not a number in a scenario"),
-        ('[[draw]]\nkey = "stair.light"\nuniform = [{ times = 1, of = "stair.x" }, 1]', "stair.x: unknown key"),
-        ('[[draw]]\nkey = "stair.light"\nchoice = []', "choice must be a list of one value or more"),
-        ('[[draw]]\nkey = "stair.light"\nchoice = [1.0, 1.1]\nweights = [1]', "weights must be as many as the values"),
-        ('[[draw]]\nkey = "stair.light"\nnormal = { mean = 1, sigma = 1, low = 2, high = 1 }', "low must be less"),
-        ('[[draw]]\nkey = "stair.light"\nvalue = 1.0\nwhen = "up"', "when must be a table"),
-        (
-            '[[draw]]\nkey = "stair.light"\nvalue = 1.0\nwhen = { "drive.dir" = "up" }',
-            "when: drive.dir: unknown key; known here: direction",
-        ),
-        ('[[draw]]\nkey = "stair.light"\nvalue = 1.0\nwhen = { "drive.speed_m_s" = { below = 1 } }', "above and at_most"),
-        ('[[draw]]\nkey = "stair.light"\nvalue = 1.0\nwhen = { "drive.direction" = { above = 1 } }', "need a numeric key"),
-        (
-            '[[draw]]\nkey = "stair.slope_deg"\nuniform = [20, 44]\n[[draw]]\nkey = "stair.rise_m"\nuniform = [0.12, 0.18]',
-            "at the ends of its ranges: stair.run_m: must be a number from 0.15 to 0.6",
-        ),
-        (
-            '[[draw]]\nkey = "stair.slope_deg"\nuniform = [20, 44]\n'
-            '[[draw]]\nkey = "stair.friction.0"\nuniform = [{ times = 1.1, of = "stair.tan_slope" }, 1.0]',
-            r"draw 2 \(stair.friction.0\): at the ends of its ranges: uniform from 1.062 to 1 is empty",
-        ),
-    ],
-)
-def test_an_invalid_sweep_file_is_rejected_in_one_line(spec_file: Write, text: str, words: str) -> None:
-    message = refusal(spec_file(text))
-    assert re.search(words, message), message
 
 
 def test_a_bound_may_be_another_value_and_a_constant(spec_file: Write) -> None:

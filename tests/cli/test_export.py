@@ -27,23 +27,6 @@ def test_export_writes_the_files_of_its_target(run, tmp_path: Path, target: str,
     assert sorted(path.name for path in out.iterdir()) == files
 
 
-@pytest.mark.parametrize(
-    ("arguments", "word"),
-    [
-        ([CONTROLLER, "--to", "c", "--allocation", "bold"], "--allocation"),
-        ([CONTROLLER, "--to", "c", "--speed", "3"], "--speed"),
-        ([CONTROLLER, "--to", "c", "--chair", "throne"], "chair.model"),
-        ([CONTROLLER], "--to"),
-        (["--to", "c"], "needs a controller file"),
-        ([CONTROLLER, "--to", "layouts"], "takes no source"),
-    ],
-)
-def test_export_names_what_it_cannot_do(run, tmp_path: Path, arguments: list[str], word: str) -> None:
-    out = tmp_path / "exported"
-    assert_refused(run("export", *arguments, "--out", out), word)
-    assert not out.exists()
-
-
 def test_a_controller_whose_loop_is_not_stable_is_not_exported(run, tmp_path: Path) -> None:
     turned = CONTROLLER.read_text().replace('"K": [\n  [\n   -0.0', '"K": [\n  [\n   0.0')
     assert turned != CONTROLLER.read_text()
@@ -57,4 +40,3 @@ def test_layouts_are_written_without_a_source(run, tmp_path: Path) -> None:
     assert outcome.code == 0, outcome.err
     assert outcome.values["files"] == ["foxglove.json", "plotjuggler.xml", "rviz2.rviz"]
     assert sorted(path.name for path in (tmp_path / "layouts").iterdir()) == outcome.values["files"]
-    assert run("export", "--to", "layouts", "--out", tmp_path / "layouts").code == 2  # not overwritten without --force

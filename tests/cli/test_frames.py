@@ -10,8 +10,6 @@ import pytest
 
 from treadline.core.angles import DEG
 
-from .conftest import assert_refused
-
 
 def table(path: Path) -> dict[str, dict[str, str]]:
     with path.open(encoding="utf-8", newline="") as file:
@@ -72,23 +70,6 @@ def test_depth_is_16_bit_in_millimetres_with_zero_for_no_return(run, tmp_path: P
     assert depth.shape == (240, 320)
     assert 500 < np.median(depth[depth > 0]) < 4000
     assert not depth.all()
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (("--sensor", "kinect9"), ("--sensor", "kinect9", "d435")),
-        (("--count", "0"), ("--count", "0")),
-        (("--seed", "-1"), ("--seed", "-1")),
-        (("--heading", "10"), ("--heading", "smallest")),
-        (("--heading", "20,10"), ("--heading", "20,10")),
-        (("--heading", "a,b"), ("--heading", "'a'")),
-        (("no-such-stair",), ("no-such-stair",)),
-    ],
-)
-def test_what_cannot_be_drawn_is_said_in_one_line(run, tmp_path: Path, options: tuple[str, ...], words: tuple[str, ...]) -> None:
-    assert_refused(run("frames", "--out", tmp_path / "out", *options), *words)
-    assert not (tmp_path / "out").exists()
 
 
 def test_frames_of_another_run_are_not_mixed_in(run, tmp_path: Path) -> None:

@@ -10,8 +10,6 @@ from scipy.io import loadmat
 
 from treadline.core.models import LinearModel
 
-from .conftest import assert_refused
-
 CHANNELS = ["--inputs", "left_m_s,right_m_s", "--outputs", "heading_rad,yaw_rate_rad_s"]
 POLES = (0.5, 0.9)
 
@@ -69,12 +67,6 @@ def test_blank_inputs_do_not_spoil_what_is_said_of_the_model(run, tmp_path: Path
         assert fit == pytest.approx(clean["fit_percent"][name], abs=1.0)
         assert fit > 96.0
     assert not [warning for warning in outcome.values["warnings"] if "white" in warning]
-
-
-def test_the_time_is_no_channel(run, tmp_path: Path) -> None:
-    log = write_log(tmp_path / "log.csv")
-    outcome = run("identify", log, "--inputs", "left_m_s", "--outputs", "t_s")
-    assert_refused(outcome, "column 't_s' is the time: leave it out of --inputs and --outputs")
 
 
 def test_the_default_finds_the_plant_and_writes_model_and_page(run, tmp_path: Path) -> None:
@@ -145,31 +137,6 @@ def test_dead_time_is_found_and_taken_out_of_the_states(run, tmp_path: Path) -> 
     assert json.loads((tmp_path / "m.json").read_text())["input_delay"] == [3, 3]
     assert run(*common, "--delays", "2,1", "--order", "2").values["delays"] == [2, 1]
     assert run(*common, "--delays", "0", "--order", "2").values["delays"] == [0, 0]
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (["--delays", "soon"], ["--delays", "'soon'"]),
-        (["--delays", "1,2,3"], ["delays are [1, 2, 3]", "(2)"]),
-        (["--solver", "magic"], ["--solver", "gram, qr"]),
-        (["--forgetting", "0.9"], ["--forgetting needs", "--update"]),
-        (["--page", "x.html", "--no-page"], ["--page or --no-page, not both"]),
-        (["--update", "none.npz"], ["none.npz", "no such file"]),
-        (["--stream", "--stable"], ["--stable", "--no-stream"]),
-        (["--stream", "--method", "best"], ["best", "pbsid"]),
-        (["--validate", "0.01"], ["validation part", "20"]),
-        (["--order", "200"], ["too few"]),
-        (["--out", "model.txt"], [".json", ".mat"]),
-    ],
-    ids=lambda value: " ".join(value) if isinstance(value, list) else None,
-)
-def test_what_cannot_be_done_is_said_in_one_line(run, tmp_path: Path, monkeypatch, options: list[str], words: list[str]) -> None:
-    monkeypatch.chdir(tmp_path)
-    log = write_log(tmp_path / "log.csv")
-    outcome = run("identify", log, *CHANNELS, *options)
-    assert_refused(outcome, *words)
-    assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]
 
 
 def test_a_clock_in_milliseconds_is_asked_about_unless_the_period_is_given(run, tmp_path: Path) -> None:

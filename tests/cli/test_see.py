@@ -46,12 +46,16 @@ def write_depth(path: Path, counts: Float[np.ndarray, "h w"]) -> None:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A folder with one good pair, a, its calibration and gravity."""
-    frame, down = on_a_flight(1, HEADING_DEG)
-    write_pair(tmp_path, "a", frame)
-    (tmp_path / "camera.toml").write_text(CAMERA)
-    (tmp_path / "gravity.csv").write_text("name,x,y,z\na," + ",".join(f"{part:.6f}" for part in down) + "\n")
+    write_frames(tmp_path)
     return tmp_path
+
+
+def write_frames(folder: Path) -> None:
+    """Write a good pair, a, its calibration and gravity."""
+    frame, down = on_a_flight(1, HEADING_DEG)
+    write_pair(folder, "a", frame)
+    (folder / "camera.toml").write_text(CAMERA)
+    (folder / "gravity.csv").write_text("name,x,y,z\na," + ",".join(f"{part:.6f}" for part in down) + "\n")
 
 
 def pair(folder: Path) -> list[object]:
@@ -167,9 +171,7 @@ def test_a_folder_is_read_frame_by_frame(run, folder: Path) -> None:
 def test_the_thresholds_of_algorithm_1_are_a_choice(run, folder: Path) -> None:
     for rule in ("median", "otsu", "rosin", "mad"):
         assert run("see", *pair(folder), "--method", "paper", "--threshold", rule, "--json").values["ms"] > 0.0
-    assert_refused(run("see", *pair(folder), "--threshold", "canny"), "canny", "rosin")
     assert run("see", *pair(folder), "--threshold", "otsu", "--out", folder / "stages").code == 0
-    assert_refused(run("see", *pair(folder), "--threshold", "otsu"), "--threshold is of Algorithm 1", "--method paper")
 
 
 def test_images_of_another_size_are_named(run, folder: Path) -> None:
@@ -190,12 +192,6 @@ def test_depth_of_eight_bits_or_in_colour_is_refused(run, folder: Path) -> None:
 def test_depth_without_any_return_is_refused(run, folder: Path, count: float, word: str) -> None:
     write_depth(folder / "a_depth.png", np.full((240, 320), count))
     assert_refused(run("see", *pair(folder)), "a_depth.png", word)
-
-
-@pytest.mark.parametrize("unit", ["1.0", "0.00001"])
-def test_a_wrong_unit_of_depth_is_refused(run, folder: Path, unit: str) -> None:
-    (folder / "camera.toml").write_text(CAMERA + f"depth_unit_m = {unit}\n")
-    assert_refused(run("see", *pair(folder)), "a_depth.png", "depth_unit_m", "0.001")
 
 
 def test_what_is_no_image_is_refused(run, folder: Path) -> None:
@@ -236,19 +232,6 @@ def test_an_unreadable_pair_is_reported_and_the_others_are_evaluated(run, folder
     assert "a: no heading: " in run("see", folder).out
 
 
-def test_a_bad_calibration_names_its_key(run, folder: Path) -> None:
-    (folder / "camera.toml").write_text(CAMERA + "registered = false\n")
-    assert_refused(run("see", *pair(folder)), "registered")
-    assert_refused(run("see", folder), "registered")
-
-
-@pytest.mark.parametrize("text", ["0,0,0", "1,2", "down", "nan,0,1", "0,inf,0", "1,2,3,4", ""])
-def test_a_bad_direction_of_gravity_is_refused(run, folder: Path, text: str) -> None:
-    assert_refused(run("see", *pair(folder), f"--gravity={text}"), "--gravity", "x,y,z")
-    (folder / "gravity.csv").write_text(f"name,x,y,z\na,{text}\n" if text.count(",") != 3 else "name,x,y\na,0,1\n")
-    assert_refused(run("see", folder), "gravity.csv:2")
-
-
 def test_a_folder_without_frames_is_refused(run, folder: Path) -> None:
     (folder / "a_depth.png").unlink()
     assert_refused(run("see", folder), "a_rgb.png", "NAME_depth.png")
@@ -256,14 +239,6 @@ def test_a_folder_without_frames_is_refused(run, folder: Path) -> None:
     assert_refused(run("see", folder), "NAME_depth.png")
     (folder / "camera.toml").unlink()
     assert_refused(run("see", folder), "camera.toml")
-
-
-def test_a_photo_without_depth_says_what_is_missing(run, folder: Path) -> None:
-    assert_refused(run("see", folder / "a_rgb.png"), "a_rgb.png", "photo without depth", "16-bit")
-    assert_refused(run("see", folder / "a_rgb.png", "--camera", folder / "camera.toml"), "photo without depth")
-    assert_refused(run("see", folder / "a_depth.png"), "a_depth.png", "no intrinsics", f"--camera {folder / 'camera.toml'}")
-    assert_refused(run("see", folder / "nowhere.png"), "nowhere.png", "no such file")
-    assert_refused(run("see", folder / "camera.toml"), "camera.toml", "not an image")
 
 
 def test_depth_alone_suffices(run, folder: Path) -> None:
@@ -282,8 +257,6 @@ def test_depth_alone_has_a_picture_on_the_depth_image(run, folder: Path) -> None
     assert run("see", folder / "a_depth.png", "--camera", folder / "camera.toml", "--out", out).code == 0
     assert [path.name for path in out.iterdir()] == ["a_depth-seen.png"]
     assert cv2.imread(str(out / "a_depth-seen.png")).std() > 20.0
-    paper = run("see", folder / "a_depth.png", "--camera", folder / "camera.toml", "--method", "paper")
-    assert_refused(paper, "no colour image", "Algorithm 1")
 
 
 def test_the_size_of_a_kinect_2_is_a_stated_guess(run, folder: Path) -> None:
@@ -295,15 +268,7 @@ def test_the_size_of_a_kinect_2_is_a_stated_guess(run, folder: Path) -> None:
 
 def test_the_unit_of_depth_can_be_given(run, folder: Path) -> None:
     (folder / "camera.toml").write_text(CAMERA + "depth_unit_m = 0.00001\n")
-    assert_refused(run("see", *pair(folder)), "--unit mm")
     assert run("see", *pair(folder), "--unit", "mm").code == 0
-    assert_refused(run("see", *pair(folder), "--unit", "inch"), "--unit", "mm")
-
-
-def test_images_in_the_wrong_order_are_detected(run, folder: Path) -> None:
-    rgb, depth, *camera = pair(folder)
-    assert_refused(run("see", depth, rgb, *camera), "a_depth.png", "no colour image")
-    assert_refused(run("see", rgb, rgb, *camera), "a_rgb.png", "16-bit")
 
 
 def test_a_colour_image_of_sixteen_bits_is_colour(run, folder: Path) -> None:
@@ -321,11 +286,6 @@ def test_a_picture_that_announces_too_many_pixels_is_refused(run, folder: Path) 
     whole = b"\x89PNG\r\n\x1a\n" + header + chunk(b"IDAT", zlib.compress(b"\0" * 100)) + chunk(b"IEND", b"")
     (folder / "a_depth.png").write_bytes(whole)
     assert_refused(run("see", *pair(folder)), "a_depth.png", "not an image that can be read")
-
-
-def test_a_calibration_of_another_size_is_detected_by_its_centre(run, folder: Path) -> None:
-    (folder / "camera.toml").write_text(CAMERA.replace("cx_px = 159.5", "cx_px = 319.5"))
-    assert_refused(run("see", *pair(folder)), "cx_px = 319.5", "320×240", "another size")
 
 
 @pytest.mark.parametrize("picture", ["a_rgb-1.png", "a_rgb-seen.png"])
@@ -355,24 +315,9 @@ def test_colour_from_beside_the_depth_camera_is_put_on_depth(folder: Path) -> No
     np.testing.assert_allclose(seen, 0.75 * (np.arange(20, 300) - 287.5 * 0.05 / 1.5), atol=1.0)
 
 
-@pytest.mark.parametrize(
-    ("pose", "word"),
-    [
-        ("[1, 0, 0, 0]", "4 numbers"),
-        ("[[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]]", "no rotation"),
-        ('"none"', "X_depth_colour"),
-    ],
-)
-def test_a_pose_that_is_none_is_refused(run, folder: Path, pose: str, word: str) -> None:
-    (folder / "camera.toml").write_text(CAMERA + f"registered = false\nX_depth_colour = {pose}\n")
-    assert_refused(run("see", *pair(folder)), "camera.toml", word)
-
-
-def test_a_table_of_gravity_that_is_no_text_or_names_a_frame_twice_is_refused(run, folder: Path) -> None:
+def test_a_table_of_gravity_that_is_no_text_is_refused(run, folder: Path) -> None:
     (folder / "gravity.csv").write_bytes(b"name,x,y,z\n\xff\xfe,0,1,0\n")
     assert_refused(run("see", folder), "gravity.csv", "UTF-8")
-    (folder / "gravity.csv").write_text("name,x,y,z\na,0,1,0\na,0,1,0\n")
-    assert_refused(run("see", folder), "gravity.csv:3", "twice")
 
 
 def test_a_folder_takes_a_calibration_and_gravity_from_the_command_line(run, folder: Path) -> None:

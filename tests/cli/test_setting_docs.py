@@ -5,8 +5,6 @@ import tomllib
 from treadline.core.setting_docs import meanings, tables_of
 from treadline.scenario.scenario import Scenario, Stair, StepOverride, read_scenario, scenario_of, shipped_scenarios
 
-from .conftest import assert_refused
-
 
 def test_what_is_listed_is_a_scenario_of_defaults(run, tmp_path) -> None:
     outcome = run("check", "--keys")
@@ -38,10 +36,6 @@ def test_a_fault_as_listed_is_one(run, tmp_path) -> None:
     text = "\n".join(["[[fault]]", 'kind = "imu_lost"', *given])
     (fault,) = scenario_of(tomllib.loads(text), tmp_path / "s.toml", where="here").fault
     assert fault.for_s == 3.0
-
-
-def test_check_without_a_scenario_says_what_it_needs(run) -> None:
-    assert_refused(run("check"), "--keys")
 
 
 def test_a_meaning_is_the_docstring_under_its_field() -> None:

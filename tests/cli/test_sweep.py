@@ -61,25 +61,6 @@ def test_a_run_that_failed_is_exit_code_1(run: Callable, spec: Path, tmp_path: P
     assert (done.code, done.values["verdicts"]["diverged"]["count"]) == (1, 2)
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (["--runs", 0], "--runs is 0; at least 1"),
-        (["--runs", 4, "--adversarial"], "--runs is 4; at least 8"),
-        (["--runs", 4, "--seed", -1], "--seed is -1; at least 0"),
-        (["--runs", 4, "--workers", 0], "--workers is 0; at least 1"),
-        (["--runs", 4, "--sampling", "halton"], "sampling"),
-        (["--runs", 4, "--score", "foo"], "--score is 'foo'; allowed: duration_s, "),
-        (["--runs", 8, "--score", "phases", "--adversarial"], "--score is 'phases'; allowed: "),
-        (["--runs", "many"], "runs"),
-        ([], "runs"),
-    ],
-)
-def test_bad_options_are_one_line(run: Callable, spec: Path, tmp_path: Path, options: list, words: str) -> None:
-    assert_refused(run("sweep", spec, *options, "--out", tmp_path / "out"), words)
-    assert not (tmp_path / "out").exists()
-
-
 def test_a_folder_that_cannot_be_made_asks_for_another(run: Callable, spec: Path, tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     assert_refused(run("sweep", spec, "--runs", 2, "--out", tmp_path / "file" / "out"), "give another --out")

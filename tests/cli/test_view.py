@@ -56,19 +56,12 @@ def test_an_address_for_others_says_what_it_exposes(run: Any, folder: Path) -> N
     assert "unencrypted" in outcome.err
 
 
-def test_a_target_that_is_nothing_names_what_there_is(run: Any, tmp_path: Path) -> None:
-    assert_refused(view(run, "no-such-scenario"), "no-such-scenario", "shipped:")
-    assert_refused(view(run, tmp_path / "none.mcap"), "none.mcap", "no such file")
-    assert_refused(view(run, tmp_path), "no manifest.json")
-
-
 def test_a_port_in_use_is_refused(run: Any, folder: Path) -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         outcome = run("view", folder, "--port", taken.getsockname()[1], "--no-browser", "--seconds", "0.2")
     assert_refused(outcome, "--port", "give another --port")
-    assert_refused(run("view", folder, "--port", "70000", "--no-browser"), "--port 70000", "65535")
 
 
 def test_a_recording_cannot_be_controlled(run: Any, folder: Path) -> None:
@@ -127,7 +120,6 @@ def test_an_export_keeps_what_is_there_and_takes_recorded_runs_only(run: Any, fo
     page.write_text("mine")
     assert_refused(run("view", folder, "--export", page), "run.html", "--force")
     assert_refused(run("view", folder, "--export", tmp_path), "is a folder")
-    assert_refused(run("view", "up-28", "--export", tmp_path / "new.html"), "no recorded run", "treadline climb")
     assert page.read_text() == "mine"
 
 

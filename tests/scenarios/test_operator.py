@@ -4,10 +4,9 @@ from typing import Any
 
 import pytest
 
-from treadline.core.errors import SettingsError
 from treadline.run.episode import Traverse, traverse
 from treadline.scenario.operator_actions import OperatorAct, does
-from treadline.scenario.scenario import Scenario, scenario_of
+from treadline.scenario.scenario import Scenario
 from treadline.scenario.shipped_files import shipped_controller
 
 FLIGHT: dict[str, Any] = {
@@ -40,24 +39,3 @@ def test_a_hold_that_no_rearm_ends_is_the_end_once_the_last_has_passed() -> None
 def test_an_act_lasts_from_its_tick_up_to_its_end() -> None:
     act = OperatorAct(kind="stop", at_s=1.0, for_s=0.5)
     assert [does([act], "stop", 0.1 * k) for k in range(8, 17)] == [False, False, True, True, True, True, True, False, False]
-
-
-@pytest.mark.parametrize(
-    ("acts", "said"),
-    [
-        (
-            [{"kind": "stop", "at_s": 2.0, "for_s": 3.0}, {"kind": "rearm", "at_s": 4.0}],
-            "operator.1: a re-arm at 4 s, but operator.0 (stop) lasts until 5 s; a re-arm counts from 5.1 s on",
-        ),
-        (
-            [{"kind": "rearm", "at_s": 2.0}, {"kind": "rearm", "at_s": 2.3}],
-            "operator.1: a re-arm at 2.3 s, but operator.0 (rearm) lasts until 2.5 s; a re-arm counts from 2.6 s on",
-        ),
-        ([{"kind": "go"}], "operator.0.kind: must be 'stop', 'release', 'rearm', 'flight_ends' or 'go_back' (got 'go')"),
-    ],
-)
-def test_what_a_person_cannot_do_is_refused_in_one_line(acts: list[dict[str, Any]], said: str, tmp_path: Any) -> None:
-    with pytest.raises(SettingsError) as caught:
-        scenario_of({"operator": acts}, tmp_path / "s.toml", where="s.toml")
-    assert said in str(caught.value)
-    assert "\n" not in str(caught.value)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from chairs import changed_chair
 
-from treadline.core.errors import SettingsError
 from treadline.scenario.chair import ChairDescription, read_chair
 
 CAMERA = "width = 1280\nheight = 720\nfx_px = 640.0\nfy_px = 641.0\ncx_px = 630.0\ncy_px = 350.0\nmount_pitch_deg = 3.0\n"
@@ -46,23 +45,3 @@ def test_intrinsics_may_stand_in_the_chairs_own_file(tmp_path: Path) -> None:
 def test_without_a_file_the_camera_is_a_kinect_1() -> None:
     camera = read_chair("wheelchair").camera_at(480)
     assert (camera.width_px, camera.fx_px, camera.cx_px, camera.cy_px) == (640, 575.0, 319.5, 239.5)
-
-
-@pytest.mark.parametrize(
-    ("addition", "said"),
-    [
-        ('file = "nowhere.toml"', "nowhere.toml: no such file"),
-        (
-            'file = "wide.toml"\ncalibration = { width = 640, height = 480, fx_px = 5e2, fy_px = 5e2, cx_px = 3e2, cy_px = 2e2 }',
-            "not both",
-        ),
-        ('file = "broken.toml"', "broken.toml"),
-    ],
-)
-def test_a_camera_file_that_cannot_be_used_is_one_line(tmp_path: Path, addition: str, said: str) -> None:
-    (tmp_path / "wide.toml").write_text(CAMERA)
-    (tmp_path / "broken.toml").write_text("width = 1280\n")
-    with pytest.raises(SettingsError) as refused:
-        chair(tmp_path, addition)
-    assert said in str(refused.value)
-    assert "\n" not in str(refused.value)

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
 from treadline.core.angles import DEG
 from treadline.plant.sensors.camera.solids import solids_of
@@ -137,52 +136,3 @@ def test_frictions_go_to_the_halves_they_name() -> None:
         ((0.36, 0.3), (0.36, 0.3)),
         ((0.4, 0.3), (0.6, 0.5)),
     ]
-
-
-@pytest.mark.parametrize(
-    ("steps", "stair", "said"),
-    [
-        ([{"index": 8, "rise_m": 0.2}], {}, "step.0: index is 8, the stair has 8 steps; give one from -8 (from the top) to 7"),
-        (
-            [{"index": 7, "rise_m": 0.2}, {"index": -1, "rise_m": 0.1}],
-            {},
-            "step.1: rise_m of step 7 is given by step.0 already (rise_m); remove one",
-        ),
-        (
-            [{"index": 2, "friction": [0.4, 0.4]}, {"index": 2, "friction_left": [0.3, 0.3]}],
-            {},
-            "step.1: friction_left of step 2 is given by step.0 already (friction); remove one",
-        ),
-        ([{"index": 2, "friction": [0.4, 0.4], "friction_left": [0.3, 0.3]}], {}, "give friction or friction_left, not both"),
-        ([{"index": -1, "run_m": 0.4}], {}, "step.0: run_m is 0.4, but step 7 is a landing; its depth is stair.landing_m"),
-        (
-            [{"index": 2, "overhang_m": 0.1, "run_m": 0.1}],
-            {},
-            "step.0: overhang_m is 0.1; it must be below the run of 0.1 m, for the riser stands under the tread",
-        ),
-        ([{"index": 2, "overhang_m": 0.03}], {"open_risers": True}, "stair.open_risers leaves no riser to hang over"),
-        (
-            [{"index": 2, "tread_slope_deg": 5}, {"index": 3, "rise_m": 0.02}],
-            {},
-            "so the tread rises 0.026 m to its back; the next nosing is only 0.02 m higher",
-        ),
-        (
-            [{"index": 3, "yaw_deg": 26}],
-            {},
-            "step: between the nosings of steps 2 and 3 the tread is 0.007 m deep at its narrow side; it must be at least 0.02 m",
-        ),
-    ],
-)
-def test_what_cannot_be_built_is_refused_in_one_line(
-    steps: list[dict[str, Any]], stair: dict[str, Any], said: str, tmp_path: Any
-) -> None:
-    from treadline.core.errors import SettingsError
-    from treadline.scenario.scenario import scenario_of
-
-    tables = {"stair": {"rise_m": 0.16, "steps": 8, "width_m": 1.2} | stair, "step": steps}
-    with pytest.raises(SettingsError) as caught:
-        scenario_of(tables, tmp_path / "s.toml", where="s.toml")
-    assert said in str(caught.value)
-    assert "\n" not in str(caught.value)
-    with pytest.raises(ValidationError):
-        Scenario.model_validate(tables)

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 from scipy.optimize import linprog
 
 from treadline.core.angles import DEG
@@ -162,39 +161,6 @@ def test_places_along_the_stair_are_the_same_in_both_frames_at_the_middle_of_the
     along = [offset_m + R_WS[:, 0] @ (corner - p_WS) for R_WS, p_WS, offset_m in (staircase.stair_frame(k) for k in (0, 1))]
     # S is inclined: its x counts height by sin β, which the origin of the upper S has in full.
     assert along[0] == pytest.approx(along[1], abs=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("keys", "said"),
-    [
-        ({"flights": 2}, "winders is 3 with 2 flights; a stair has winders or landings: give flights = 1"),
-        ({"open_risers": True}, "winders is 3 with open_risers; the box of a winder reaches under the next steps"),
-        ({"steps": 4}, "winders is 3 of 4 steps; at least two must be straight, the landing among them: give at most 2 winders"),
-        ({"winder_first": 6}, "of 9 steps; the step above the last winder must exist: give one from 0 to 5"),
-        ({"winder_turn_deg": 180.0}, "60° each; a winder turns by at most 45°: give at least 4 winders"),
-        (
-            {"winders": 6, "newel_m": 0.05},
-            "newel_m is 0.05, so each winder is 0.013 m deep at the newel; it must be at least 0.02 m: give a larger newel_m",
-        ),
-        ({"winder_turn_deg": 190.0}, "less than or equal to 180"),
-    ],
-)  # fmt: skip
-def test_winders_that_cannot_be_built_are_refused_in_one_line(keys: dict[str, Any], said: str) -> None:
-    with pytest.raises(ValidationError, match=said):
-        Stair.model_validate(KEYS | keys)
-
-
-@pytest.mark.parametrize(
-    ("step", "said"),
-    [
-        ({"index": -3, "yaw_deg": 4}, "step.0: yaw_deg is 4, but step 6 is a winder: stair.winders shapes it; remove it"),
-        ({"index": 5, "run_m": 0.4}, "step.0: run_m is 0.4, but step 5 is a winder: stair.winders shapes it; remove it"),
-        ({"index": -1, "yaw_deg": 4}, "step.0: yaw_deg is 4, but the nosing of step 8 ends the last winder; remove it"),
-    ],
-)
-def test_a_step_table_cannot_change_the_plan_of_a_winder(step: dict[str, Any], said: str) -> None:
-    with pytest.raises(ValidationError, match=said):
-        Scenario.model_validate({"stair": KEYS, "step": [step]})
 
 
 def test_check_refuses_winders_and_names_their_place_and_depths() -> None:

@@ -238,17 +238,6 @@ def test_a_rejected_frame_shows_its_reason(plugged_in, frame, capsys) -> None:
     assert "rejected 3: " in said.out
 
 
-def test_see_needs_one_input(capsys) -> None:
-    for words in (["see"], ["see", "a.png", "--live", "oak"]):
-        assert main(words) == 2
-        assert "see needs one input" in capsys.readouterr().err
-    for word, value in (("--unit", "mm"), ("--topic", "/a"), ("--method", "paper")):
-        assert main(["see", "--live", "oak", word, value]) == 2
-        assert f"{word}" in capsys.readouterr().err
-    assert main(["see", "a.png", "--seconds", "3"]) == 2
-    assert "--seconds is of --live" in capsys.readouterr().err
-
-
 def test_lines_are_written_once_a_second_where_no_person_watches(capsys) -> None:
     times = iter([0.0, 0.0, 0.5, 1.2, 1.2])
     line = StatusLine(clock=lambda: next(times))

@@ -13,7 +13,6 @@ from treadline.core.camera_images import RgbdFrame
 from treadline.core.errors import SettingsError
 from treadline.core.ports import Reading, Truth, TruthPlant
 from treadline.core.rotations import rotation_of
-from treadline.core.settings import settings_of
 from treadline.core.signals import (
     FlipperCommand,
     FlipperReading,
@@ -129,20 +128,6 @@ def test_every_kind_says_what_its_value_means_within_which_limits() -> None:
         assert extent.means
         assert extent.low <= 0.0 <= extent.high, "zero is the default of every kind"
         assert extent.low <= extent.default <= extent.high
-
-
-@pytest.mark.parametrize(
-    ("kind", "value", "message"),
-    [
-        ("camera_lost", 1.0, "value is 1, but camera_lost takes no value; remove the key"),
-        ("depth_holes", 1.5, r"value is 1.5; for depth_holes it must be from 0 to 0.98 \(fraction of the depth image"),
-        ("process_killed", 0.5, "value is 0.5; for process_killed it must be a whole number from 0 to 3"),
-    ],
-)
-def test_a_value_that_means_nothing_is_refused_with_what_would(kind: str, value: float, message: str) -> None:
-    tables = {"fault": [{"kind": kind, "value": value}]}
-    with pytest.raises(SettingsError, match=f"run.toml: fault.0: {message}"):
-        settings_of(tables, Scenario, where="run.toml")
 
 
 def test_a_fault_is_on_from_its_tick_up_to_the_one_that_ends_it() -> None:

@@ -1,0 +1,122 @@
+"""What the command line refuses, with its whole answer: each session of the transcripts ``refused_*.txt`` is played in a folder.
+
+A line ``$ …`` is a command and the next line its answer; ``== NAME`` begins a file that holds the lines up to the next of either;
+``~~ OLD => NEW`` writes ``own.toml``, the wheelchair's file with one piece replaced.
+"""
+
+import json
+import re
+import shlex
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from chairs import changed_chair
+
+from treadline.experiments.as_printed import paper_model
+from treadline.io.mcap_log import RunLog
+from treadline.scenario.shipped_files import CHAIRS, CONTROLLERS
+
+from .conftest import assert_refused
+from .test_identify import write_log
+from .test_see import write_frames
+
+TRANSCRIPTS = "".join(path.read_text(encoding="utf-8") for path in sorted(Path(__file__).parent.glob("refused_*.txt")))
+SESSIONS = dict(session.partition("\n#")[0].strip().split("\n", 1) for session in re.split(r"(?m)^--- ", TRANSCRIPTS)[1:])
+
+
+@pytest.fixture(scope="module")
+def furnished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with what the transcript's commands are given: models, controllers, logs, a pair of images."""
+    folder = tmp_path_factory.mktemp("furnished")
+    paper_model(0.2).save(folder / "model.json")
+    controller = json.loads((CONTROLLERS / "wheelchair.json").read_text(encoding="utf-8"))
+    for name, change in (("033", 0.033), ("fast", "fast"), ("1-s", 1.0)):
+        (folder / f"of-{name}.json").write_text(json.dumps(controller | {"period_s": change}))
+    (folder / "of-rescue.json").write_text(json.dumps(controller | {"vehicle": "rescue"}))
+    (folder / "controller.json").write_text(json.dumps(controller))
+    write_log(folder / "log.csv")
+    write_log(folder / "short.csv", rows=100)
+    write_log(folder / "tiny.csv", rows=20)
+    np.savez(folder / "other.npz", a=1.0)
+    (folder / "latin.toml").write_bytes(b'[chair]\nmodel = "caf\xe9"\n')
+    (folder / "frames").mkdir()
+    write_frames(folder / "frames")
+    return folder
+
+
+def contents(folder: Path) -> dict[Path, bytes]:
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.mark.parametrize("title", SESSIONS)
+def test_what_is_refused_is_one_line_and_leaves_nothing(
+    run, furnished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, title: str
+) -> None:
+    shutil.copytree(furnished, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    lines = iter(SESSIONS[title].split("\n"))
+    for line in lines:
+        if line.startswith("$ "):
+            before = contents(tmp_path)
+            outcome = run(*shlex.split(line)[2:])
+            assert (outcome.code, outcome.out, outcome.err) == (2, "", next(lines) + "\n"), line
+            assert contents(tmp_path) == before, line
+        elif line.startswith("== "):
+            path = Path(line.removeprefix("== "))
+            path.parent.mkdir(exist_ok=True)
+            path.write_text("", encoding="utf-8")
+        elif line.startswith("~~ "):
+            old, _, new = line.removeprefix("~~ ").replace("\\n", "\n").partition(" =>")
+            changed_chair(tmp_path, old, new.removeprefix(" "))
+        else:
+            path.write_text(path.read_text(encoding="utf-8") + line + "\n", encoding="utf-8")
+
+
+# What a transcript does not show
+
+
+@pytest.fixture
+def model_path(tmp_path: Path) -> Path:
+    path = tmp_path / "model.json"
+    paper_model(0.2).save(path)
+    return path
+
+
+def test_a_number_of_5000_digits_is_no_model(run, model_path: Path) -> None:
+    model_path.write_text('{"A": ' + "1" * 5000 + "}")
+    assert_refused(run("tune", model_path, "--out", model_path.with_name("controller.json")), "model.json", "not JSON")
+
+
+def test_a_gain_without_effect_is_reported(run, tmp_path: Path, model_path: Path) -> None:
+    slow = run("tune", model_path, "--period", "100", "--out", tmp_path / "slow.json")
+    assert slow.code == 0
+    assert "warning: a heading of 30° is answered with" in slow.out
+    usual = run("tune", model_path, "--out", tmp_path / "usual.json")
+    assert "warning" not in usual.out
+
+
+def test_tune_is_for_a_chair_of_ones_own_too(run, tmp_path: Path, model_path: Path) -> None:
+    own, out = tmp_path / "own.toml", tmp_path / "controller.json"
+    own.write_text((CHAIRS / "wheelchair.toml").read_text().replace('name = "wheelchair"', 'name = "ours"'))
+    assert run("tune", model_path, "--vehicle", own, "--out", out).code == 0
+    assert json.loads(out.read_text())["vehicle"] == "ours"
+
+
+def test_a_model_of_any_period_is_tuned_for_a_period_that_a_mission_keeps(run, tmp_path: Path, model_path: Path) -> None:
+    model_path.write_text(json.dumps(json.loads(model_path.read_text()) | {"dt_s": 0.033}))
+    assert run("tune", model_path, "--period", "0.03", "--out", tmp_path / "controller.json").code == 0
+
+
+def test_a_run_s_log_without_its_record_says_what_makes_one(run, tmp_path: Path) -> None:
+    (tmp_path / "manifest.json").write_text("{}")
+    with RunLog(tmp_path / "log.mcap"):
+        pass
+    assert_refused(run("identify", tmp_path, "--out", tmp_path / "model.json"), "no record.csv", "treadline excite")
+
+
+def test_debug_shows_the_traceback(run, tmp_path: Path) -> None:
+    outcome = run("check", tmp_path / "none.toml", "--debug")
+    assert outcome.code == 2
+    assert "Traceback" in outcome.err
