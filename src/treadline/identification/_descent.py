@@ -12,8 +12,14 @@ STEPS_MOST = 60
 """Largest number of steps."""
 
 Point = TypeVar("Point")
-Linearised = tuple[Float[np.ndarray, "d d"], Float[np.ndarray, " d"], Callable[[Float[np.ndarray, " d"]], Point]]
-"""J'J and J'e at a point, for which a full step would solve J'J step = J'e, and the point after a step."""
+Linearised = tuple[
+    Float[np.ndarray, "d d"], Float[np.ndarray, " d"], Float[np.ndarray, " d"], Callable[[Float[np.ndarray, " d"]], Point]
+]
+"""J'J and J'e at a point, for which a full step would solve J'J step = J'e; the damping's diagonal; the point after a step.
+
+Of parameters with units the diagonal is that of J'J (Marquardt); of parameters in a basis that means nothing it is the same for
+all (Levenberg), so that the step does not depend on the basis.
+"""
 
 
 def descended(
@@ -34,8 +40,7 @@ def descended(
     best, now = start, cost(start)
     damping, rise = 1e-3, 2.0
     for _ in range(STEPS_MOST if np.isfinite(now) else 0):
-        H, g, moved = linearised(best)
-        size = np.diag(H)
+        H, g, size, moved = linearised(best)
         if not size.sum() > 0.0:  # nothing changes the residuals
             break
         before, scale = now, np.diag(np.where(size > 0.0, size, 1.0))

@@ -13,6 +13,7 @@ lowers the error in both directions. Outputs of which the inputs explain no more
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from operator import lt
 
 import numpy as np
@@ -208,7 +209,7 @@ def _checked(fitting: Fitting, experiments: Sequence[Experiment], medoid: Member
         return with_inputs_again(system, part, fitting.fixed)
 
     def refinement(system: Affine, part: Sequence[Experiment]) -> Affine:
-        return stabilised(refined(again(system, part), part, fixed=fitting.fixed), samples=length)
+        return refined(again(system, part), part, fixed=fitting.fixed, bounded=partial(stabilised, samples=length))
 
     chosen, error = medoid.system, list(_errors(medoid.system, experiments, again))
     kept = stabilised(medoid.realised)

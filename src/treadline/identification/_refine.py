@@ -9,7 +9,6 @@ is the output error of its predictor with the outputs as additional inputs, so o
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from jaxtyping import Bool, Float, Num
@@ -108,19 +107,31 @@ def cost(system: Affine, experiments: Sequence[Experiment]) -> float:
     return total if np.isfinite(total) else float("inf")
 
 
-def refined(system: Affine, experiments: Sequence[Experiment], *, fixed: Bool[np.ndarray, "p m1"]) -> Affine:
+Bound = Callable[[Affine], Affine]
+"""Function from a system to the nearest one with bounded poles."""
+
+
+def refined(
+    system: Affine, experiments: Sequence[Experiment], *, fixed: Bool[np.ndarray, "p m1"], bounded: Bound = lambda system: system
+) -> Affine:
     """Return the local minimum of the output error.
 
     Args:
         system: Initial model.
         experiments: Data.
         fixed: Mask of the entries of D that stay unchanged.
+        bounded: Bound of the poles, held at each step: a bound put on the minimum would leave B, C and D fitted to other poles.
     """
-    return refit(system, experiments, lambda now: directions(now, fixed))
+    return refit(system, experiments, lambda now: directions(now, fixed), bounded=bounded)
 
 
 def refit(
-    system: Affine, experiments: Sequence[Experiment], ways_from: Callable[[Affine], Directions], *, ceiling: float = 1.0
+    system: Affine,
+    experiments: Sequence[Experiment],
+    ways_from: Callable[[Affine], Directions],
+    *,
+    ceiling: float = 1.0,
+    bounded: Bound = lambda system: system,
 ) -> Affine:
     """Return the minimum of the output error along directions that may depend on the current system.
 
@@ -129,6 +140,7 @@ def refit(
         experiments: Data.
         ways_from: Function from a system to its search directions.
         ceiling: Largest allowed spectral radius of a stable system.
+        bounded: Bound of the poles, held at each step.
     """
     # A stable system stays stable: a growing mode would fit only these data.
     # A system on the unit circle may move by an amount without visible effect over the record.
@@ -140,7 +152,9 @@ def refit(
 
     def linearised(now: Affine) -> Linearised[Affine]:
         ways = ways_from(now)
-        return *normal_equations(now, experiments, ways), partial(ways.moved, now)
+        square, right = normal_equations(now, experiments, ways)
+        same = np.full(len(right), square.trace() / len(right))
+        return square, right, same, lambda step: bounded(ways.moved(now, step))
 
     return descended(system, allowed_cost, linearised, enough=CHANCE / rows)
 

@@ -284,7 +284,7 @@ def _descended(runs: list[_Run], theta: Float[np.ndarray, " k"], shift: int) -> 
             new[m : 2 * m] = np.clip(new[m : 2 * m], 0.0, DECAY_MOST)
             return _normal(runs, new, shift)
 
-        return at.square, at.right, moved
+        return at.square, at.right, at.square.diagonal(), moved
 
     return descended(_normal(runs, theta, shift), lambda at: at.cost, linearised, enough=ROUNDING**0.5)
 
