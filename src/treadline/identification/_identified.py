@@ -271,6 +271,10 @@ class Identified(ModelMethods, Printable):
     def _is_structure(self) -> bool:
         return self.found.step == "structure"
 
+    @property
+    def _recent(self) -> list[InputOutputRecord]:
+        return linear_systems.most_recent(self.fitted, RECENT)
+
     @cached_property
     def _compared(self) -> list[Comparison]:
         return compared(self.free, self.judged)
@@ -299,7 +303,7 @@ class Identified(ModelMethods, Printable):
         """Yaw gain of the free model outside the interval of the fit by names; the result that takes the structure keeps it."""
         fit = self._turn_fit
         # A slow pole in place of the integrator spoils the gain of a named method late, where a controller does not need it.
-        rows = max(len(record) for record in self.fitted) if self.method == "best" else 0
+        rows = max(len(record) for record in self._recent) if self.method == "best" else 0
         return None if fit is None else contradiction(self.free, fit, rows)
 
     def _linear(self) -> LinearModel:
@@ -390,7 +394,7 @@ class Identified(ModelMethods, Printable):
         fit, names = self._turn_fit, self.fitted[0].output_names
         if fit is None or self._contradiction is None or turn_channels(names).count < len(names):
             return self
-        structured = turn_model(fit, max(self.fitted, key=len))
+        structured = turn_model(fit, max(self._recent, key=len))
         if not (self.findings.is_table or self._prefers(structured, fit)):
             return self
         moved = without_delays(self.fitted, structured.input_delay)
@@ -418,7 +422,7 @@ class Identified(ModelMethods, Printable):
         if self.findings.has_feedback and fit.belts is not None:
             return True
         is_large = self._contradiction is not None and self._contradiction.is_large
-        return fits_as_well(structured, self.free, self.fitted, is_large=is_large)
+        return fits_as_well(structured, self.free, self._recent, is_large=is_large)
 
     def _turn_warnings(self) -> list[str]:
         """Return how the model's yaw gain agrees with the skid-steer fit."""
