@@ -58,8 +58,7 @@ def test_a_heading_against_the_yaw_rate_is_reported() -> None:
     assert "integrator: 'heading_rad' changes by -" in findings_of(replace(record, y=record.y * [-1.0, 1.0]))
     # A yaw rate in degrees under a name in radians is 57 times too large.
     assert "integrator" in findings_of(replace(record, y=record.y * [1.0, np.degrees(1.0)]))
-    unnamed = replace(record, y=record.y * [-1.0, 1.0], output_names=("a", "b"))
-    assert "integrator" not in findings_of(unnamed)
+    assert "integrator" not in findings_of(replace(record, y=record.y * [-1.0, 1.0], output_names=("a", "b")))
 
 
 def test_a_wrapped_heading_is_reported() -> None:
@@ -70,12 +69,9 @@ def test_a_wrapped_heading_is_reported() -> None:
 
 def test_the_structure_by_names_can_be_switched_off() -> None:
     record = drive_log("delayed", 4).record
-    by_names = fit(record)
-    assert by_names.report.skid_steer is not None
-    free = fit(record, name_prior=False)
-    assert free.report.skid_steer is None
-    assert free.report.step != "structure"
-    assert not free.report.mirrored
+    assert fit(record).report.skid_steer is not None
+    free = fit(record, name_prior=False).report
+    assert (free.skid_steer, free.mirrored, free.step == "structure") == (None, False, False)
 
 
 @pytest.mark.parametrize("kind", ["open", "filtered", "dithered", "delayed"])
@@ -105,6 +101,14 @@ def test_swapped_belts_are_reported() -> None:
     record = drive_log("filtered", 6).record
     warnings = fit(replace(record, input_names=record.input_names[::-1])).report.warnings
     assert any("are the belts swapped" in warning for warning in warnings)
+
+
+def test_a_log_that_hardly_turns_gives_one_sentence() -> None:
+    record = open_log(7)
+    middle, noise = record.u.mean(axis=1, keepdims=True), np.random.default_rng(0).standard_normal(record.y.shape)
+    straight = replace(record, u=middle + 0.01 * (record.u - middle), y=0.01 * (record.y + noise))
+    (warning,) = fit(straight).report.warnings
+    assert re.fullmatch(r"the vehicle hardly turns: .* move nearly together; .*; record a drive with curves to both sides", warning)
 
 
 def test_validation_data_lose_the_same_inputs() -> None:

@@ -138,9 +138,8 @@ def test_an_endless_cell_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("period_s", [0.0, -1.0, float("nan"), float("inf")])
 def test_a_period_that_is_no_time_is_refused(tmp_path: Path, period_s: float) -> None:
-    path = written(tmp_path / "record.csv", [HEADER, *ROWS])
     with pytest.raises(PeriodMismatch, match="--period"):
-        read_record(path, INPUTS, OUTPUTS, period_s=period_s)
+        read_record(written(tmp_path / "record.csv", [HEADER, *ROWS]), INPUTS, OUTPUTS, period_s=period_s)
 
 
 def iso(k: int, suffix: str) -> str:

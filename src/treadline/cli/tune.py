@@ -78,7 +78,7 @@ def tune(
         },
         summary=[
             f"K = {controller.K.round(4).tolist()}",
-            f"spectral radius {radius:.3f} at a period of {controller.period_s:g} s; written to {out}",
+            f"spectral radius {radius:.3f} at a period of {controller.period_s:g} s; made for {chair}, written to {out}",
             *([] if warning is None else [f"warning: {warning}"]),
         ],
     )

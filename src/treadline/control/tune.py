@@ -120,7 +120,7 @@ def resampled(model: LinearModel, period_s: float) -> LinearModel:
     if np.any((np.abs(poles.imag) < 1e-12) & (poles.real <= 1e-9)):
         raise PeriodMismatch(
             f"the model at {model.dt_s:g} s has a pole at or below zero and no counterpart at {period_s:g} s; "
-            "identify it again at that period"
+            f"identify it again with --resample --period {period_s:g}"
         )
     whole = np.zeros((n + m, n + m))
     whole[:n, :n], whole[:n, n:], whole[n:, n:] = model.A, model.B, np.eye(m)

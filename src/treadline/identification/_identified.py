@@ -28,7 +28,7 @@ from treadline.identification._drive_log import LogFindings, examine
 from treadline.identification._era import HankelSvd
 from treadline.identification._fitting import CandidateScore, FittedSystem, Fitting
 from treadline.identification._gram import Gram, units_of
-from treadline.identification._limits import RECENT, ROUNDING
+from treadline.identification._limits import HALF, RECENT, ROUNDING
 from treadline.identification._model_order import gap_at
 from treadline.identification._pole_intervals import (
     MEMORY_PER_LAG,
@@ -163,59 +163,6 @@ def explained_percent(found: Sequence[Comparison]) -> dict[str, float]:
 def whole_samples(record: InputOutputRecord) -> int:
     """Return the number of samples without a missing channel."""
     return int(record.whole.sum())
-
-
-def validation_warnings(
-    report: IdentificationReport,
-    model: LinearModel,
-    fitted: Sequence[InputOutputRecord],
-    judged: Sequence[InputOutputRecord],
-) -> list[str]:
-    """Return the warnings on stability, fit and residuals."""
-    found = []
-    radius = spectral_radius(model)
-    if is_unstable(model):
-        found.append(
-            f"the model is unstable (spectral radius {radius:.4f}): closed-loop or drifting data? give --stable if the plant is "
-            "known to be stable"
-        )
-    for name, value in report.percent.items():
-        if value < 0.0 and radius < 1.0 - 1e-3:
-            found.append(f"a free run explains '{name}' worse than its mean does ({value:.0f} %)")
-    if max(*report.percent.values(), *report.one_step_vaf_percent.values()) < FIT_PERCENT_MIN:
-        found.append("the model explains next to nothing: the inputs hardly move these outputs, or not linearly")
-    if judged is not fitted:
-        found += _low_motion_warnings(model, fitted, judged)
-    white, crossed = report.whiteness_p, report.crosscorrelation_p
-    if white is not None and white < P_VALUE_LIMIT:
-        found.append(f"the residuals are not white ({p_text(white)}): the model lacks dynamics of the noise")
-    if crossed is not None and crossed < P_VALUE_LIMIT:
-        found.append(
-            f"the residuals still depend on the inputs ({p_text(crossed)}): a higher order, a delay or a nonlinearity is missing"
-        )
-    return found
-
-
-def collinearity_warnings(records: Sequence[InputOutputRecord], names: Sequence[str], *, mirrored: bool = False) -> list[str]:
-    """Return a warning for nearly collinear inputs, whose separate effects are poorly determined.
-
-    Args:
-        records: Experiments.
-        names: Input names.
-        mirrored: Whether the inputs act by their difference alone.
-    """
-    u = np.vstack([record.u for record in records])
-    u = u[np.isfinite(u).all(axis=1)]
-    values, V = np.linalg.eigh(np.corrcoef(u.T)) if u.shape[1] > 1 else (np.ones(1), np.eye(1))
-    if values[0] > COLLINEAR_VARIANCE:
-        return []
-    two = np.argsort(-np.abs(V[:, 0]))[:2]
-    apart = "their difference, the effective input," if mirrored else "the component that separates them"
-    remedy = "turn more" if mirrored else "move each input independently"
-    return [
-        f"poor excitation: '{names[int(two[0])]}' and '{names[int(two[1])]}' move nearly together; {apart} has "
-        f"{100.0 * float(values[0]):.0f} % of one input's variance: {remedy}"
-    ]
 
 
 def _low_motion_warnings(model: LinearModel, fitted: Sequence[InputOutputRecord], judged: Sequence[InputOutputRecord]) -> list[str]:
@@ -387,7 +334,44 @@ class Identified(ModelMethods, Printable):
             seconds=self.seconds + time.perf_counter() - started,
             skid_steer=None if fit is None else fit.described(),
         )
-        return replace(report, warnings=[*warnings, *validation_warnings(report, model, self.fitted, self.judged)])
+        return replace(report, warnings=self._hardly_turns() or [*warnings, *self._validation_warnings(report)])
+
+    def _validation_warnings(self, report: IdentificationReport) -> list[str]:
+        """Return the warnings on stability, fit and residuals."""
+        found = []
+        radius = spectral_radius(self.model)
+        if is_unstable(self.model):
+            found.append(
+                f"the model is unstable (spectral radius {radius:.4f}): closed-loop or drifting data? give --stable if the plant "
+                "is known to be stable"
+            )
+        for name, value in report.percent.items():
+            if value < 0.0 and radius < 1.0 - 1e-3:
+                found.append(f"a free run explains '{name}' worse than its mean does ({value:.0f} %)")
+        if max(*report.percent.values(), *report.one_step_vaf_percent.values()) < FIT_PERCENT_MIN:
+            found.append("the model explains next to nothing: the inputs hardly move these outputs, or not linearly")
+        if self.judged is not self.fitted:
+            found += _low_motion_warnings(self.model, self.fitted, self.judged)
+        white, crossed = report.whiteness_p, report.crosscorrelation_p
+        if white is not None and white < P_VALUE_LIMIT:
+            found.append(f"the residuals are not white ({p_text(white)}): the model lacks dynamics of the noise")
+        if crossed is not None and crossed < P_VALUE_LIMIT:
+            found.append(
+                f"the residuals still depend on the inputs ({p_text(crossed)}): a higher order, a delay or nonlinearity is missing"
+            )
+        return found
+
+    def _hardly_turns(self) -> list[str]:
+        """Return the one cause of a model that explains less than half of the turning, where belts or vehicle hardly turn.
+
+        Residuals, order and gain of such a model say nothing of their own.
+        """
+        fit, explained = self._turn_fit, explained_percent(self._compared)
+        if fit is None or max(explained.values()) >= 100.0 * HALF:
+            return []
+        cause = [f"{line}; record a drive with curves to both sides" for line in self._collinearity()]
+        lines = [] if cause and self.findings.is_table else self.findings.lines
+        return [*lines, *(f"the vehicle hardly turns: {line}" for line in cause or input_noise_warning(fit))]
 
     def with_structure(self) -> "Identified":
         """Return the result with the turn model by names, if that contradicts a model of feedback or one that fits no better."""
@@ -434,15 +418,26 @@ class Identified(ModelMethods, Printable):
         if not self._is_structure:
             line = f"yaw gain: {off}: feedback, noise of the inputs or too high an order; tune no model before they agree"
         else:
-            why = "its steady gain is a guess" if off.is_large else "it explains no more"
-            why = "feedback may have made it the controller's inverse" if self.findings.has_feedback else why
-            line = f"structure taken by names: {off}; of the free model, {why}; --no-name-prior keeps it"
+            why = "whose steady gain is a guess" if off.is_large else "which explains no more"
+            why = "which feedback may have made the controller's inverse" if self.findings.has_feedback else why
+            line = f"the model is a gain and a lag, by the columns' names: {off}; --no-name-prior keeps the free model, {why}"
         return [*sign_warning(fit), *input_noise_warning(fit), line]
 
+    def _collinearity(self) -> list[str]:
+        """Return which inputs are nearly collinear, so that their separate effects are poorly determined."""
+        u, names = np.vstack([record.u for record in self.fitted]), self.model.input_names
+        if self.log.differential is not None or len(names) == 1:
+            return []
+        values, V = np.linalg.eigh(np.corrcoef(u[np.isfinite(u).all(axis=1)].T))
+        if values[0] > COLLINEAR_VARIANCE:
+            return []
+        one, other = (names[int(k)] for k in np.argsort(-np.abs(V[:, 0]))[:2])
+        apart = "the component that separates them" if self.differential is None else "their difference, the effective input,"
+        return [f"'{one}' and '{other}' move nearly together; {apart} has {100.0 * float(values[0]):.0f} % of one input's variance"]
+
     def _excitation_warning(self, support: int) -> list[str]:
-        result = []
-        if self.log.differential is None:
-            result = collinearity_warnings(self.fitted, self.model.input_names, mirrored=self.differential is not None)
+        remedy = "move each input independently" if self.differential is None else "turn more"
+        result = [f"poor excitation: {line}: {remedy}" for line in self._collinearity()]
         order = self.found.system.order
         if support < order and support <= self.found.fitting.data.lags:
             result.append(f"poor excitation: {insufficient_excitation(support, order)}; give inputs that vary more")

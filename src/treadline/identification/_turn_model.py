@@ -146,7 +146,7 @@ def input_noise_warning(fit: TurnFit) -> list[str]:
     if fit.share < HALF:
         share = 100.0 * max(fit.share, 0.0)
         cause = f"the inputs explain {share:.0f} % of the yaw rate; slip, noise of the measured inputs or feedback hides the gain"
-        return [f"yaw rate: {cause}; drive wider curves"]
+        return [f"{cause}; drive wider curves, where the belts turn the vehicle"]
     if fit.lagged_gain is None:
         return []
     gain = fit.yaw_gain(fit.steps[0]).value

@@ -278,7 +278,8 @@ def resampled(table: Table, inputs: int, period_s: float | None, *, allow_gaps: 
     check_values(table, allow_gaps=allow_gaps)
     t_s = np.empty(0) if table.t_s is None else table.t_s
     period_s = period_of(table, t_s, period_s)
-    if uneven(table, t_s, period_s) is None:
+    # Steps within the tolerance may still add up to another number of periods, if all of them are longer or shorter.
+    if uneven(table, t_s, period_s) is None and abs(t_s[-1] - t_s[0] - period_s * (len(t_s) - 1)) <= 0.5 * period_s:
         return table
     grid = t_s[0] + period_s * np.arange(rows_of(str(table.file), t_s[0], t_s[-1], period_s))
     values, m = np.empty((len(grid), len(table.names))), table.columns_of(inputs)

@@ -155,7 +155,7 @@ def table_two(rows: Sequence[Cell], allowed: Sequence[Cell]) -> Figure:
     axes[0].bar(place - 0.27, [_or_gap(cell.paper_deg) for cell in rows], 0.25, color=GREY, label="paper")
     groups: tuple[tuple[str, Sequence[Cell | None], str], ...] = (
         ("climb-safe", rows, BLUE),
-        ("roll-back allowed", sliding, ORANGE),
+        *([("roll-back allowed", sliding, ORANGE)] if any(sliding) else []),
     )
     for k, (name, cells, colour) in enumerate(groups):
         height = [_or_gap(cell.rms_heading_deg if cell else None) for cell in cells]

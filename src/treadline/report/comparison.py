@@ -169,8 +169,8 @@ def _groups(results: Results) -> Iterator[tuple[str, Values]]:
     if (seen := results.fig05) is not None:
         robust, printed = ("none" if a is None else f"{a:.2f}°" for a in (seen.robust_heading_deg, seen.heading_deg))
         gap = None if seen.heading_deg is None else abs(seen.heading_deg - seen.true_heading_deg)
-        values = {"robust": robust, "printed": printed, "true": seen.true_heading_deg, "gap": gap}
-        yield "fig05", {"conditions": seen.conditions, **values}
+        both = f"{robust}; by Eq. (2) as printed {printed}"
+        yield "fig05", {"conditions": seen.conditions, "both": both, "printed": printed, "true": seen.true_heading_deg, "gap": gap}
     yield from _models(results)
     if (printed_controller := results.literal) is not None:
         yield "literal", _printed_controller(printed_controller)
@@ -348,7 +348,7 @@ def _printed_controller(printed: PrintedController) -> Values:
         "max_gap_to_print": printed.max_gap_to_print,
         "asked": f"{max(printed.asked_m_s, key=abs):.2f} m/s",
         "limit": printed.max_speed_m_s,
-        "ends": "; ".join(f"{run.verdict} after {run.duration_s:.1f} s" for run in printed.runs) or "not run",
+        "ends": "; ".join(f"drives for {run.duration_s:.1f} s ({run.verdict})" for run in printed.runs) or "not run",
         "failed": sum(run.verdict not in COMPLETED for run in printed.runs) if printed.runs else None,
     }
 

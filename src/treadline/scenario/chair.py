@@ -261,6 +261,9 @@ class ChairDescription(Settings):
                 f"masses.chassis_com_m is [{x_m:g}, {y_m:g}, {z_m:g}], not above the tracks, which bear ±{half_run_m:.2f} m along "
                 f"and ±{half_width_m:.2f} m across: the chassis would tip over on the floor; give metres from mid-track, above 0"
             )
+        if (underside_m := z_m - 0.5 * self.masses.chassis_size_m[2]) <= 0.0:
+            high = f"masses.chassis_size_m is {self.masses.chassis_size_m[2]:g} high, so the chassis reaches down to"
+            raise ValueError(f"{high} {underside_m:.3f} m, where it catches on each nosing; give less than {2.0 * z_m:g}")
         return self
 
     @model_validator(mode="after")
@@ -278,15 +281,11 @@ class ChairDescription(Settings):
 
     @model_validator(mode="after")
     def _the_flipper_rests_within_its_range(self) -> "ChairDescription":
-        if (
-            self.flipper is not None
-            and not self.flipper.range_deg[0] <= self.tracks.approach_angle_deg <= self.flipper.range_deg[1]
-        ):
-            low, high = self.flipper.range_deg
-            raise ValueError(
-                f"tracks.approach_angle_deg is {self.tracks.approach_angle_deg:g}, where the flipper rests; flipper.range_deg is "
-                f"{low:g} to {high:g}"
-            )
+        rest_deg = self.tracks.approach_angle_deg
+        low_deg, high_deg = (rest_deg, rest_deg) if self.flipper is None else self.flipper.range_deg
+        if not low_deg <= rest_deg <= high_deg:
+            allowed = f"flipper.range_deg is {low_deg:g} to {high_deg:g}"
+            raise ValueError(f"tracks.approach_angle_deg is {rest_deg:g}, where the flipper rests; {allowed}")
         return self
 
     @property
@@ -303,9 +302,8 @@ class ChairDescription(Settings):
     @property
     def payload_origin_m(self) -> Point:
         """Origin of the payload's frame in B [m]: the seat's hinge, or the centre of a payload fixed to the chassis."""
-        if self.seat is not None:
-            return self.seat.hinge_m
-        return self.masses.chassis_com_m if self.payload is None else self.payload.com_m
+        fixed_m = self.masses.chassis_com_m if self.payload is None else self.payload.com_m
+        return fixed_m if self.seat is None else self.seat.hinge_m
 
     @property
     def payload_com_m(self) -> Point:
@@ -315,9 +313,8 @@ class ChairDescription(Settings):
     @property
     def payload_size_m(self) -> Size:
         """Edges of the payload's box [m]."""
-        if self.seat is not None:
-            return self.seat.payload_size_m
-        return self.masses.chassis_size_m if self.payload is None else self.payload.size_m
+        fixed_m = self.masses.chassis_size_m if self.payload is None else self.payload.size_m
+        return fixed_m if self.seat is None else self.seat.payload_size_m
 
     @property
     def empty_seat_kg(self) -> float:

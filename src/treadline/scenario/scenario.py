@@ -332,6 +332,8 @@ def read_scenario(name: str | Path, values: Mapping[str, object] | None = None) 
     tables = parse_toml(path)
     if "draw" in tables:
         raise SettingsError(f"{path}: a sweep, not one scenario; run it with treadline sweep {name}")
+    if "tracks" in tables:
+        raise SettingsError(f"{path}: a vehicle, not a scenario; name it in a scenario file: [chair] model = '{path.name}'")
     scenario = scenario_of(tables, path, where=str(path))
     return with_values(tables, values, path, name) if values else scenario
 

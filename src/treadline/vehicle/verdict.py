@@ -265,7 +265,7 @@ def _too_unstable(margins: Margins, chair: ChairDescription, loading: Chair, shi
         return text + f"move the payload to the {'right' if side == 'left' else 'left'}, or start squarer"
     if shift_m is None:
         if chair.seat is None:
-            return text + f"take less payload, or place it lower or further {'uphill' if side == 'downhill' else 'downhill'}"
+            return text + "take less payload, a less steep stair, or masses lower or further from that side"
         return text + "take less payload, or sit lower"
     change = shift_m - loading.seat_shift_m
     return text + f"shift the seat {abs(change) * 1000.0:.0f} mm {'uphill' if change > 0.0 else 'downhill'}"
