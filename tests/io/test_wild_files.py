@@ -52,7 +52,7 @@ def test_a_file_that_cannot_be_read_is_refused_in_one_line_with_the_remedy(name:
 
 def test_an_uneven_clock_is_resampled_where_that_is_asked() -> None:
     assert len(read("jitter.csv", resample=True, period_s=PERIOD_S)) == ROWS
-    assert len(read("camel.csv", resample=True, period_s=PERIOD_S / 1.02)) == ROWS + 1  # 59 steps, each within the tolerance
+    assert len(read("comma-blank.csv", resample=True, period_s=PERIOD_S / 1.02)) == ROWS + 1  # 59 steps, each within the tolerance
 
 
 @pytest.mark.parametrize("unit", [1, 10**3, 10**6, 10**9])
