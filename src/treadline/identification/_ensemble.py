@@ -44,7 +44,7 @@ JUDGED = 0.3
 """Share of the record at its beginning, and at its end, that judges a model fitted to the rest, as for the benchmark's peers."""
 AGREEING = 0.1
 """Share of the members that may disagree with it."""
-ENTRIES_MOST = 600
+ENTRIES_MOST = 450
 """Entries of A, B and C above which a refinement takes longer than all other steps."""
 
 

@@ -1,8 +1,7 @@
-"""Output-error normal equations of a model in modal coordinates.
+"""B, D and initial state that fit a free run best, in modal coordinates.
 
 With A = V diag(λ) V⁻¹ each state is one scalar filter of one input. An output is linear in the modal B, in D and in the initial
-state; its derivatives with respect to λ, B, C and D are filters of existing signals. The products cost N·(n·m)² as matrix
-products, where the recursion of all derivatives costs N·n²·d in scalar operations. Of a conjugate pair one filter is run.
+state. Of a conjugate pair one filter is run.
 """
 
 from collections.abc import Sequence
@@ -54,9 +53,9 @@ class Modes:
         """Mask of the real poles and the first of each conjugate pair."""
         return np.asarray(self.poles.imag >= 0.0)
 
-    def filtered(self, x: Num[np.ndarray, "T k_or_n"], *, each: bool = False) -> Complex[np.ndarray, "T h k"]:
-        """Return the states of f⁺ = λf + x from zero for each upper pole, of all columns or of each pole's own."""
-        return np.asarray(pole_filters(self.poles[self.upper].astype(complex), np.ascontiguousarray(x, dtype=complex), each))
+    def filtered(self, x: Float[np.ndarray, "T k"]) -> Complex[np.ndarray, "T h k"]:
+        """Return the states of f⁺ = λf + x from zero for each upper pole and each column."""
+        return np.asarray(pole_filters(self.poles[self.upper].astype(complex), np.ascontiguousarray(x, dtype=complex)))
 
 
 def modes_of(system: Affine) -> Modes | None:
@@ -79,24 +78,9 @@ Normal = tuple[Num[np.ndarray, "d d"], Num[np.ndarray, " d"]]
 
 def linear_sums(modes: Modes, item: Experiment) -> Normal:
     """Return the normal equations for modal B (n, m1) and D (p, m1); the initial state is eliminated."""
-    square, right = _products(modes, item, [modes.filtered(item.u), _decays(modes, len(item.u))], [], item.u, item.y)
+    square, right = _products(modes, item, [modes.filtered(item.u), _decays(modes, len(item.u))], item.u, item.y)
     n, m1 = len(modes.poles), item.u.shape[1]
     return _eliminated(square, right, slice(n * m1, n * m1 + n))
-
-
-def derivative_sums(modes: Modes, system: Affine, item: Experiment) -> Normal:
-    """Return the normal equations for modal B (n, m1), λ, and per output C (n) and D (m1), linearised about a system."""
-    n, m1, upper = len(modes.poles), item.u.shape[1], modes.upper
-    inputs, decays = modes.filtered(item.u), _decays(modes, len(item.u))
-    C = modes.C[:, upper] * np.where(modes.poles.imag[upper] > 0.0, 2.0, 1.0)
-    states = np.einsum("thm,hm->th", inputs, (modes.W @ system.B)[upper])
-    e = item.y - item.u @ system.D.T - (states @ C.T).real
-    # Initial state by least squares from the residual of the run from zero.
-    square, right = _products(modes, item, [decays], [], item.u[:, :0], e)
-    response = decays[:, :, 0] * solved(square, right[:, None])[upper, 0]
-    states, e = states + response, e - (response @ C.T).real
-    square, right = _products(modes, item, [inputs, modes.filtered(states, each=True), decays], [states[:, :, None]], item.u, e)
-    return _eliminated(square, right, slice(n * (m1 + 1), n * (m1 + 2)))
 
 
 def _decays(modes: Modes, steps: int) -> Complex[np.ndarray, "T h 1"]:
@@ -109,8 +93,7 @@ def _decays(modes: Modes, steps: int) -> Complex[np.ndarray, "T h 1"]:
 def _products(
     modes: Modes,
     item: Experiment,
-    shared: Sequence[Complex[np.ndarray, "T h _"]],
-    own: Sequence[Complex[np.ndarray, "T h _"]],
+    groups: Sequence[Complex[np.ndarray, "T h _"]],
     u: Float[np.ndarray, "T _"],
     e: Float[np.ndarray, "T p"],
 ) -> Normal:
@@ -119,12 +102,10 @@ def _products(
     Args:
         modes: Modal decomposition.
         item: Samples.
-        shared: Columns of the upper poles that act through C.
-        own: Columns of the upper poles that act on each output by itself.
-        u: Further columns that act on each output by itself.
+        groups: Columns of the upper poles that act through C.
+        u: Columns that act on each output by itself.
         e: Residuals.
     """
-    groups = [*shared, *own]
     upper = np.hstack([group.reshape(len(e), -1) for group in groups])
     half = upper.shape[1]
     signals = np.hstack([upper.real, upper.imag, u, e])
@@ -142,9 +123,9 @@ def _products(
     G = signals.T @ signals
     P = G[real] - turn[:, None] * G[imag]
     P = P[:, real] + turn * P[:, imag]
-    s, p = sum(group.shape[2] for group in shared) * len(modes.poles), e.shape[1]
+    s, p = sum(group.shape[2] for group in groups) * len(modes.poles), e.shape[1]
     w = len(real) - s - p
-    C = modes.C[:, np.concatenate([np.repeat(np.arange(len(modes.poles)), group.shape[2]) for group in shared])]
+    C = modes.C[:, np.concatenate([np.repeat(np.arange(len(modes.poles)), group.shape[2]) for group in groups])]
     a, b, last = slice(0, s), slice(s, s + w), slice(s + w, None)
     square = np.zeros((s + p * w, s + p * w), dtype=complex)
     square[:s, :s] = (C.conj().T @ C) * P[a, a]

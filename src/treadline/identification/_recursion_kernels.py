@@ -117,12 +117,12 @@ def tangents(S, dS, u):
 
 @njit(cache=True)
 @no_type_check
-def pole_filters(poles, x, each):
-    """Return the states of f⁺ = λf + x from zero for each pole, of all columns or of each pole's own: (N, poles, columns)."""
-    steps, k = x.shape[0], 1 if each else x.shape[1]
+def pole_filters(poles, x):
+    """Return the states of f⁺ = λf + x from zero for each pole and each column: (N, poles, columns)."""
+    steps, k = x.shape
     states = np.zeros((steps, len(poles), k), dtype=np.complex128)
     for t in range(1, steps):
         for h in range(len(poles)):
             for j in range(k):
-                states[t, h, j] = poles[h] * states[t - 1, h, j] + x[t - 1, h if each else j]
+                states[t, h, j] = poles[h] * states[t - 1, h, j] + x[t - 1, j]
     return states

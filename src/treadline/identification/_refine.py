@@ -11,17 +11,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Num
+from jaxtyping import Bool, Float
 
 from treadline.core.arrays import observability, store_contiguous
 from treadline.core.linear_system_kernels import free_run
 from treadline.core.linear_systems import prefix
 from treadline.core.models import InputOutputRecord
-from treadline.identification._affine import ON_CIRCLE, Affine
+from treadline.identification._affine import Affine
 from treadline.identification._descent import Linearised, descended
 from treadline.identification._factor import solved
 from treadline.identification._gram import Units, runs_of
-from treadline.identification._modes import Experiment, Modes, derivative_sums, modes_of
+from treadline.identification._modes import Experiment
 from treadline.identification._recursion_kernels import tangents
 
 CHANCE = 0.1
@@ -139,16 +139,13 @@ def refit(
         system: Initial model.
         experiments: Data.
         ways_from: Function from a system to its search directions.
-        ceiling: Largest allowed spectral radius of a stable system.
+        ceiling: Largest allowed spectral radius; a growing mode would fit only these data.
         bounded: Bound of the poles, held at each step.
     """
-    # A stable system stays stable: a growing mode would fit only these data.
-    # A system on the unit circle may move by an amount without visible effect over the record.
-    radius, rows = system.radius, sum(item.y.size for item in experiments)
-    bound = ceiling if radius < 1.0 - ON_CIRCLE else radius * (1.0 + 1.0 / rows)
+    rows = sum(item.y.size for item in experiments)
 
     def allowed_cost(now: Affine) -> float:
-        return cost(now, experiments) if now.radius <= bound else float("inf")
+        return cost(now, experiments) if now.radius <= ceiling else float("inf")
 
     def linearised(now: Affine) -> Linearised[Affine]:
         ways = ways_from(now)
@@ -162,37 +159,9 @@ def refit(
 def normal_equations(
     system: Affine, experiments: Sequence[Experiment], ways: Directions
 ) -> tuple[Float[np.ndarray, "d d"], Float[np.ndarray, " d"]]:
-    """Return J'J and J'e with initial states eliminated, by recursion, or in modal coordinates where these take fewer products."""
-    n, m1, p, d = system.order, system.B.shape[1], len(system.C), ways.S.shape[2]
-    modes = modes_of(system) if (n * (m1 + 2)) ** 2 < (n + p) * (2 * n + m1) * d else None
-    # Modal coordinates lose digits for nearly equal poles, and overflow for growing modes.
-    if modes is not None and np.abs(modes.poles).max() < 1.0 + ON_CIRCLE:
-        M = _modal_changes(modes, system, ways)
-        sums = [derivative_sums(modes, system, item) for item in experiments]
-        square, right = (np.sum(parts, axis=0) for parts in zip(*sums, strict=True))
-        return (M.conj().T @ square @ M).real, (M.conj().T @ right).real
+    """Return J'J and J'e with initial states eliminated."""
     pairs = [jacobian(system, item, ways) for item in experiments]
     return np.sum([J.T @ J for J, _ in pairs], axis=0), np.sum([J.T @ e for J, e in pairs], axis=0)
-
-
-def _modal_changes(modes: Modes, system: Affine, ways: Directions) -> Num[np.ndarray, "w d"]:
-    """Return the changes of modal B, of λ, and of C and D per output, along directions.
-
-    The diagonal of dA in modal coordinates moves the poles; the off-diagonal part rotates the modes (first order in both).
-    """
-    n, m1, p, d = system.order, system.B.shape[1], len(system.C), ways.S.shape[2]
-    # Rows in modal coordinates, then columns.
-    S = np.concatenate([np.tensordot(modes.W, ways.S[:n], axes=1), ways.S[n:]])
-    S = np.concatenate([modes.V.T @ S[:, :n], S[:, n:]], axis=1)
-    dA, at = S[:n, :n], np.arange(n)
-    apart = modes.poles[None, :] - modes.poles[:, None]
-    np.fill_diagonal(apart, 1.0)
-    turn = dA / apart[:, :, None]
-    turn[at, at] = 0.0
-    dB = S[:n, n:] - (modes.W @ system.B).T @ turn
-    dC = S[n:, :n] + np.tensordot(modes.C, turn, axes=1)
-    own = np.concatenate([dC, S[n:, n:]], axis=1).reshape(p * (n + m1), d)
-    return np.concatenate([dB.reshape(n * m1, d), dA[at, at], own])
 
 
 def jacobian(
