@@ -43,12 +43,6 @@ def standing(rise_m: float, run_m: float, payload_kg: float) -> Scenario:
     )
 
 
-def test_it_weighs_20_kg_with_flipper_and_head() -> None:
-    robot = read_chair("rescue")
-    # 0.5 kg is the empty head's.
-    assert robot.masses.chassis_kg + robot.flipper.mass_kg + 0.5 == pytest.approx(20.0)
-
-
 @pytest.mark.parametrize("payload_kg", [0.0, 5.0])
 @pytest.mark.parametrize(
     ("rise_m", "slope_deg"),

@@ -4,6 +4,8 @@ import base64
 import io
 import json
 import math
+import os
+import re
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -24,6 +26,24 @@ from treadline.playback import Limits, Recording, RecordingBuilder
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair, Scenario, Stair
 from treadline.vehicle.staircase import as_designed
+
+
+class Transcript:
+    """Sessions of a text file, each under a line ``--- TITLE``: what is played in each, and what it answers."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        parts = re.split(r"(?m)^--- ", path.read_text(encoding="utf-8"))[1:]
+        self.sessions = {title: rest.strip("\n").split("\n") for title, _, rest in (part.partition("\n") for part in parts)}
+
+    def check(self, title: str, played: list[str]) -> None:
+        """Compare a session with what was played; ``TREADLINE_ACCEPT=1`` writes it into the file instead."""
+        if os.environ.get("TREADLINE_ACCEPT"):
+            before, after = ("\n".join([f"--- {title}", *lines]).rstrip() + "\n" for lines in (self.sessions[title], played))
+            self.path.write_text(self.path.read_text(encoding="utf-8").replace(before, after), encoding="utf-8")
+        else:
+            assert played == self.sessions[title]
+
 
 Tables = dict[str, Any]
 MakeFolder = Callable[..., Path]
