@@ -76,10 +76,6 @@ def printed(readings: list[Reading]) -> list[str]:
     ]
 
 
-def test_the_plant_is_a_truth_plant(started: Opened) -> None:
-    assert isinstance(started(), TruthPlant)
-
-
 def test_the_same_seed_gives_the_same_bits_and_another_does_not(started: Opened) -> None:
     first, again, other = (climb(started(seed), 2.0) for seed in (3, 3, 4))
     assert printed(first) == printed(again)

@@ -98,8 +98,11 @@ def test_a_filmed_world_draws_the_parts_of_chair_passenger_and_stair_as_the_play
     assert (camera.findtext("image/width"), camera.findtext("image/height")) == tuple(map(str, SIZE_PX))
 
 
-def test_without_a_display_for_the_camera_the_error_says_so(launched: Callable[..., server.GazeboServer]) -> None:
+def test_without_a_display_for_the_camera_the_error_says_so(
+    launched: Callable[..., server.GazeboServer], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Test: Xvfb ends without a display; it hangs. Expected result: one line, after the timeout at the latest."""
+    monkeypatch.setattr(server, "START_S", 3.0)
     for end in ("", "; time.sleep(60.0)"):
         with pytest.raises(GazeboError, match=r"Xvfb does not start, which Gazebo's camera needs: no screen; build it"):
             launched(f"import sys, time; print('no screen', file=sys.stderr, flush=True){end}", {"hull.stl": b""})

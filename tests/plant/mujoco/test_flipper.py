@@ -53,13 +53,6 @@ def test_a_chair_without_a_flipper_reports_none_and_ignores_its_command() -> Non
     assert len(readings) == len(alone.read())
 
 
-def test_the_torque_at_rest_is_the_sections_weight() -> None:
-    flippers, _, _ = turn(standing(), 0.0, 0.0, 4.0)
-    mean = float(np.mean([flipper.torque_n_m for flipper in flippers[50:]]))
-    expected = 3.0 * 9.81 * 0.225 * np.cos(40.0 * DEG)
-    assert mean == pytest.approx(expected, abs=4.0 * NOISE_N_M / np.sqrt(350))
-
-
 @pytest.mark.parametrize("rate_deg_s", [10.0, -20.0])
 def test_the_flipper_turns_at_the_rate_asked_and_stops_where_it_is(rate_deg_s: float) -> None:
     plant = standing()

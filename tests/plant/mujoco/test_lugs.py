@@ -117,11 +117,8 @@ def test_named_lugs_have_their_names_measures(lug: str) -> None:
     assert belts.measures_m[:2] == pytest.approx(tuple(1e-3 * float(mm) for mm in lug.split("/")))
 
 
-def test_lugs_larger_than_the_pulley_are_refused() -> None:
+def test_lugs_larger_than_the_pulley_are_refused_by_plant_and_check() -> None:
     with pytest.raises(SettingsError, match=r"height_m is 0\.040, the pulleys' radius 0\.070 m; lugs up to 0\.035 m fit"):
         chair_on(Belts(lug="15/80", height_m=0.04))
-
-
-def test_check_refuses_them_too() -> None:
     refused = Scenario(belts=Belts(height_m=0.036))
     assert any("lugs up to 0.035 m fit" in reason for reason in check(refused, read_chair("wheelchair")).reasons)

@@ -121,18 +121,18 @@ def test_a_belts_side_face_has_no_direction_of_travel_and_the_lower_friction() -
 
 
 @pytest.mark.parametrize(
-    ("speed", "asked", "expected"),
-    # A tenth of the way to the target a tick, at most 0.02 m/s; targets beyond ±1 m/s are not followed.
-    [(0.0, 0.1, 0.01), (0.0, 0.9, 0.02), (0.95, 5.0, 0.955), (-0.95, -5.0, -0.955)],
+    ("speed", "asked", "brake", "expected"),
+    [
+        # A tenth of the way to the target a tick, at most 0.02 m/s; targets beyond ±1 m/s are not followed.
+        *((0.0, 0.1, False, 0.01), (0.0, 0.9, False, 0.02), (0.95, 5.0, False, 0.955), (-0.95, -5.0, False, -0.955)),
+        # A brake takes 0.1 m/s a tick, and does not turn a belt back.
+        *((0.25, 1.0, True, 0.15), (0.05, 1.0, True, 0.0), (-0.05, 1.0, True, 0.0)),
+    ],
 )
-def test_a_belt_follows_with_lag_within_its_limits(speed: float, asked: float, expected: float) -> None:
-    assert drives.drive_belt(speed, asked, False, 1.0, 0.1, 0.02, 0.1) == pytest.approx(expected)
-
-
-def test_a_brake_stops_a_belt_and_does_not_turn_it_back() -> None:
-    assert drives.drive_belt(0.25, 1.0, True, 1.0, 0.1, 0.02, 0.1) == pytest.approx(0.15)
-    assert drives.drive_belt(0.05, 1.0, True, 1.0, 0.1, 0.02, 0.1) == 0.0
-    assert drives.drive_belt(-0.05, 1.0, True, 1.0, 0.1, 0.02, 0.1) == 0.0
+def test_a_belt_follows_with_lag_within_its_limits_and_a_brake_stops_it(
+    speed: float, asked: float, brake: bool, expected: float
+) -> None:
+    assert drives.drive_belt(speed, asked, brake, 1.0, 0.1, 0.02, 0.1) == pytest.approx(expected, abs=1e-15)
 
 
 def test_a_table_is_straight_between_its_entries_and_held_at_its_ends() -> None:
