@@ -6,12 +6,10 @@ from treadline.core.errors import SettingsError
 from treadline.core.settings import settings_of
 from treadline.scenario.camera_file import CameraFile
 
-CALIBRATION: dict[str, object] = {"width": 320, "height": 240, "fx_px": 287.5, "fy_px": 287.5, "cx_px": 159.5, "cy_px": 119.5}
 
-
-def calibration(width: int, height: int, fx_px: float, fy_px: float, **mount: float) -> CameraFile:
+def calibration(width: int, height: int, fx_px: float, fy_px: float, **further: float | str) -> CameraFile:
     lens = {"fx_px": fx_px, "fy_px": fy_px, "cx_px": 0.5 * width, "cy_px": 0.5 * height}
-    return settings_of({"width": width, "height": height, **lens, **mount}, CameraFile, where="camera.toml")
+    return settings_of({"width": width, "height": height, **lens, **further}, CameraFile, where="camera.toml")
 
 
 @pytest.mark.parametrize(
@@ -32,27 +30,22 @@ def test_real_cameras_pass(width: int, height: int, focal_px: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("fx_px", "mount", "message"),
+    ("fx_px", "further", "message"),
     [
         (200.0, {}, "fx_px / fy_px is 0.696; pixels are square, so it must be from 0.8 to 1.25"),
         (0.5, {}, "fx_px = 0.5 for 320 pixels is a field of view of 179.6°; it must be from 10 to 150°"),
         (5000.0, {}, "fx_px = 5000 for 320 pixels is a field of view of 3.7°; it must be from 10 to 150°"),
         (287.5, {"mount_pitch_deg": 400.0}, "mount_pitch_deg: must be a number from -180 to 180 (got 400.0)"),
+        (287.5, {"sensor": "d415"}, "sensor: must be 'auto', 'kinect1', 'kinect2', 'd435', 'd455' or 'tof' (got 'd415')"),
     ],
 )
-def test_an_impossible_calibration_is_refused_with_its_number(fx_px: float, mount: dict[str, float], message: str) -> None:
+def test_an_impossible_calibration_is_refused_with_its_number(fx_px: float, further: dict[str, float | str], message: str) -> None:
     with pytest.raises(SettingsError) as refused:
-        calibration(320, 240, fx_px, 287.5, **mount)
+        calibration(320, 240, fx_px, 287.5, **further)
     assert str(refused.value).startswith(f"camera.toml: {message}")
 
 
 @pytest.mark.parametrize("sensor", ["auto", "kinect1", "kinect2", "d435", "d455", "tof"])
 def test_the_kind_of_sensor_reaches_the_calibration(sensor: str) -> None:
-    keys = CALIBRATION | ({} if sensor == "auto" else {"sensor": sensor})
-    assert settings_of(keys, CameraFile, where="camera.toml").camera.sensor == sensor
-
-
-def test_an_unknown_kind_of_sensor_is_refused_with_the_choices() -> None:
-    with pytest.raises(SettingsError) as refused:
-        settings_of({**CALIBRATION, "sensor": "d415"}, CameraFile, where="camera.toml")
-    assert str(refused.value) == "camera.toml: sensor: must be 'auto', 'kinect1', 'kinect2', 'd435', 'd455' or 'tof' (got 'd415')"
+    assert calibration(320, 240, 287.5, 287.5, sensor=sensor).camera.sensor == sensor
+    assert calibration(320, 240, 287.5, 287.5).camera.sensor == "auto"
