@@ -55,6 +55,7 @@ def test_pyzeros_hears_our_commands_and_is_heard() -> None:
             ours.publish(on.TRACKS_CMD, TrackCommand(t_s=1.5, left_m_s=0.1, right_m_s=0.2, sender="guard-1"))
             handset.publish(Handset(header=Header(), dead_man=True, go_back=True))
             ours.deliver(0.1)
+            time.sleep(0.05)  # a flood of messages keeps the threads that hear them from running
         theirs.close()
     ours.close()
     command = BeltCommand.deserialize(heard[0])
