@@ -237,6 +237,7 @@ def write_reproduction_page(folder: Path, each: Callable[[str, Callable[[Any], A
         answer=answer(comparisons(results)),
         rows={section: comparisons(results, section) for section in ("paper", "beyond", "machine")},
         linked=[page["name"] for page in pages],
+        lost=[name for name in _main_runs(results) if not _inside(runs, name).is_dir()],
         others=[page["name"] for page in pages if not page["is_main"]],
         cards=[page for page in pages if page["svg"]],
         stages=stages,
@@ -260,8 +261,8 @@ def _drawn(results: Results, runs: Path) -> dict[str, Figure]:
         drawn["fig10"], drawn["margins"] = turns(turned), margins(turned)
     if results.table2:
         drawn["table2"] = table_two(results.table2, results.table2_roll_back_allowed)
-    if results.fig11 is not None:
-        drawn["fig11"] = seat(checked_series(_inside(runs, results.fig11.run)))
+    if results.fig11 is not None and (folder := _inside(runs, results.fig11.run)).is_dir():
+        drawn["fig11"] = seat(checked_series(folder))
     return drawn
 
 
@@ -295,12 +296,11 @@ def _run_page(run: tuple[Path, int | None]) -> dict[str, Any] | None:
         recording = read_recording(path) if number is None else write_run_page(path)
     except unreadable:
         return None
-    card = {"name": path.name, "is_main": number is not None, "svg": None}
     if number is None:
         write_player(recording, path / "report.html")
-        return card
-    verdict, duration_s = recording.verdict or "", recording.duration_s
-    return card | {"svg": _side_view(recording, path.name, number), "verdict": verdict, "duration_s": duration_s}
+    view = None if number is None else _side_view(recording, path.name, number)
+    played = {"verdict": recording.verdict or "", "duration_s": recording.duration_s}
+    return {"name": path.name, "is_main": number is not None, "svg": view, **played}
 
 
 def _side_view(recording: Recording, name: str, number: int) -> str | None:
@@ -312,7 +312,8 @@ def _side_view(recording: Recording, name: str, number: int) -> str | None:
 
 
 def _with_series(runs: Path, rows: Sequence[R]) -> list[tuple[R, Series]]:
-    return [(row, checked_series(_inside(runs, row.run))) for row in rows]
+    """Return the rows with their runs' series; a run whose folder is missing is left out."""
+    return [(row, checked_series(_inside(runs, row.run))) for row in rows if _inside(runs, row.run).is_dir()]
 
 
 def _inside(runs: Path, name: str) -> Path:
