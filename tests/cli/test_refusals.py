@@ -47,7 +47,8 @@ def furnished(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def contents(folder: Path) -> dict[Path, bytes]:
-    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    """Return the files of a folder, without the bytecode of what was imported."""
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file() and path.parent.name != "__pycache__"}
 
 
 @pytest.mark.parametrize(("transcript", "title"), SESSIONS, ids=[title for _, title in SESSIONS])
