@@ -31,7 +31,7 @@ from treadline.view._panels import (
     text_on,
     timeline_html,
 )
-from treadline.view._plots import LIVE_PLOTS, plot_data
+from treadline.view._plots import LIVE_PLOTS, plot_data, shown_plots
 from treadline.view._session import Fork, Session
 
 from .conftest import END_S, LIMITS, a_run, session_of
@@ -67,13 +67,20 @@ def test_a_plot_keeps_every_transient_and_shows_limits_and_cursor() -> None:
     assert all(np.isfinite(column).all() for column in data)
 
 
-def test_a_plot_of_an_empty_run_or_of_unknown_quantities_is_finite() -> None:
+def test_a_plot_of_quantities_that_are_not_known_yet_is_finite() -> None:
     unknown = a_run(estimate_rad=math.nan, slip=math.nan, seat_pitch_rad=math.nan)
     for plot in LIVE_PLOTS:
-        for run in (replace(EMPTY, limits=LIMITS), unknown):
-            data = plot_data(plot, run, 3.0)
-            assert len(data) == len(plot.curves) + len(plot.limits(LIMITS)) + 3
-            assert all(np.isfinite(column).all() for column in data)
+        data = plot_data(plot, unknown, 3.0)
+        assert len(data) == len(plot.curves) + len(plot.limits(LIMITS)) + 3
+        assert all(np.isfinite(column).all() for column in data)
+
+
+def test_what_a_log_without_ground_truth_does_not_know_is_not_drawn_and_what_it_knows_is_measured() -> None:
+    sensed = a_run(heading_rad=math.nan, slip=math.nan, margin_rad=math.nan, pitch_rate_rad_s=0.1)
+    curves = {plot.title: [curve.label for curve in plot.curves] for plot in shown_plots(sensed)}
+    assert not {"slip", "tip-over margin"} & set(curves)
+    assert (curves["heading"], curves["pitch rate"]) == (["estimate ± 2 σ"], ["measured"])
+    assert shown_plots(a_run()) == LIVE_PLOTS  # a run in progress has its estimate later
 
 
 def test_the_curve_of_a_fork_is_its_own_up_to_its_end() -> None:

@@ -5,6 +5,7 @@ tabulated over the angles that occur; the page interpolates.
 """
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -55,30 +56,24 @@ def plots_of(recording: Recording) -> dict[str, Any]:
     t_s = recording.t_s
     step_s = float((t_s[-1] - t_s[0]) / max(len(t_s) - 1, 1)) or TICK_S
     passenger, series, panels = passenger_m_s2(recording), {}, []
-    for plot in PLOTS:
+    for plot in filter(lambda plot: plot.curves, (plot.known(recording, passenger=passenger) for plot in PLOTS)):
         curves = []
         for curve in plot.curves:
-            if not np.isfinite(values := curve.values(recording, passenger=passenger)).any():
-                continue
             name = f"{plot.title}, {curve.label}"
-            series[name] = packed(values)
+            series[name] = packed(curve.values(recording, passenger=passenger))
             shown = {"label": curve.label, "colour": f"--sign-{curve.colour}", "series": name, "dash": curve.dash}
-            if curve.sigma and np.isfinite(sigma := curve.values(recording, curve.sigma)).any():
+            if curve.sigma and np.isfinite(sigma := replace(curve, series=curve.sigma).values(recording)).any():
                 shown["sigma"] = f"{name}, band"
                 series[f"{name}, band"] = packed(2.0 * sigma)
             curves.append(shown)
-        if curves:
-            panels.append(
-                {
-                    "title": plot.title,
-                    "unit": plot.unit,
-                    "digits": plot.digits,
-                    "least_span": plot.least_span,
-                    "zero": plot.limit is not None and plot.limit.zero,
-                    "curves": curves,
-                    "limits": _limits(plot, recording),
-                }
-            )
+        panels.append(
+            {
+                **{name: getattr(plot, name) for name in ("title", "unit", "digits", "least_span")},
+                "zero": plot.limit is not None and plot.limit.zero,
+                "curves": curves,
+                "limits": _limits(plot, recording),
+            }
+        )
     return {
         "time": {"start": float(t_s[0]), "step": step_s, "count": len(t_s)},
         "series": series,

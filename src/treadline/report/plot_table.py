@@ -2,7 +2,7 @@
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -34,17 +34,15 @@ class Curve:
     """Field of the standard deviation that is drawn as a band; empty without one."""
     dash: tuple[int, ...] = ()
 
-    def values(self, run: Recording, field: str = "", **more: Column) -> Column:
+    def values(self, run: Recording, **more: Column) -> Column:
         """Return the values of a run, angles in degrees.
 
         Args:
-            field: Field of the recording instead of the curve's own.
             more: Further series by name.
         """
-        name = field or self.series
-        values = more[name] if name in more else getattr(run, name)
+        values = more[self.series] if self.series in more else getattr(run, self.series)
         chosen = np.asarray(values if self.column is None else values[:, self.column])
-        return chosen / _unit(name)
+        return chosen / _unit(self.series)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,6 +90,17 @@ class Plot:
     def heading(self) -> str:
         """Title with the unit."""
         return f"{self.title} [{self.unit}]" if self.unit else self.title
+
+    def known(self, run: Recording, **more: Column) -> "Plot":
+        """Return the plot with the known curves of a complete run alone; without ground truth those are "measured".
+
+        Args:
+            more: Further series by name.
+        """
+        curves = tuple(curve for curve in self.curves if np.isfinite(curve.values(run, **more)).any())
+        if run.is_reckoned:
+            curves = tuple(replace(curve, label=curve.label.replace("true", "measured")) for curve in curves)
+        return replace(self, curves=curves)
 
     def limits(self, of: Limits) -> tuple[float, ...]:
         """Return the lines of the limit of a run; none for an unknown limit."""

@@ -4,7 +4,6 @@ The markup stands in ``panels.html.j2``, a macro for each panel.
 """
 
 import base64
-import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -151,7 +150,7 @@ def legend_of_scene() -> str:
 
 def legend_html(plot: Plot, run: Recording, cursor_s: float, *, forked: bool) -> str:
     """Return the title of a plot, its lines in their colours with their values at the cursor, and its limits."""
-    values = [curve.values(run)[run.index_at(cursor_s)] if len(run.t_s) else math.nan for curve in plot.curves]
+    values = [curve.values(run)[run.index_at(cursor_s)] for curve in plot.curves]
     low, high = view_of(plot, run)
     is_shown = any(low <= limit <= high for limit in plot.limits(run.limits))
     return str(_HTML.plot(plot, values, plot.limit_text(run.limits), is_shown, forked and not plot.no_fork))

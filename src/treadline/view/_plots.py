@@ -18,8 +18,13 @@ LOADING = '<div style="font-size:12px;margin:8px">The plots load after the first
 """Text in place of the plots before they are made."""
 
 
-def add_plot(gui: Any, plot: Plot, run: Recording) -> Any:
-    """Add a plot to the page."""
+def shown_plots(run: Recording) -> tuple[Plot, ...]:
+    """Return the plots of a run; what a log without ground truth does not know is absent."""
+    return tuple(known for plot in LIVE_PLOTS if (known := plot.known(run)).curves) if run.is_reckoned else LIVE_PLOTS
+
+
+def add_plot(gui: Any, plot: Plot, run: Recording, *, is_last: bool) -> Any:
+    """Add a plot to the page; the last one has the time axis."""
     from viser import uplot
 
     # Values under the pointer are those of the curves: see page.css.
@@ -32,7 +37,6 @@ def add_plot(gui: Any, plot: Plot, run: Recording) -> Any:
         stroke = SIGNS[curve.colour]["colour"]
         lines.append(uplot.Series(label=curve.label, stroke=stroke, width=1.4, points={"show": False}, **dash))
     lines.append(uplot.Series(**aid, label="cursor", stroke="#444", width=1.0))
-    is_last = plot is LIVE_PLOTS[-1]
     return gui.add_uplot(
         data=plot_data(plot, run, 0.0),
         series=(uplot.Series(label="t [s]"), *lines),
@@ -51,9 +55,8 @@ def shown(plot: Plot, values: Column) -> Column:
 
 def view_of(plot: Plot, run: Recording) -> tuple[float, float]:
     """Return the range in which a limit is drawn: the signal's, widened by its height on both sides."""
-    values = [shown(plot, curve.values(run)) for curve in plot.curves] if len(run.t_s) else []
-    low = min((float(column.min()) for column in values), default=0.0)
-    high = max((float(column.max()) for column in values), default=0.0)
+    values = [shown(plot, curve.values(run)) for curve in plot.curves]
+    low, high = min(float(column.min()) for column in values), max(float(column.max()) for column in values)
     height = max(high - low, plot.least_span)
     return low - height, high + height
 
@@ -69,8 +72,6 @@ def plot_data(plot: Plot, run: Recording, cursor_s: float, fork: Recording | Non
         fork: Run whose first curve is drawn as well.
     """
     known = plot.limits(run.limits)
-    if not len(run.t_s):
-        return tuple(np.zeros(2) for _ in range(len(plot.curves) + len(known) + 3))
     thinned = [decimated(run.t_s, curve.values(run), BINS) for curve in plot.curves]
     known_values = next((values for _, values in thinned if np.isfinite(values).any()), thinned[0][1])
     # A curve without any value lies on one that has some.

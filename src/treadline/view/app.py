@@ -13,7 +13,7 @@ from treadline.core.errors import SettingsError
 from treadline.scenario.faults import EXTENTS, Conditions, FaultKind
 from treadline.view._messages import SEND_S
 from treadline.view._panels import PANELS, STYLE, legend_html, legend_of_scene, terms_html, timeline_html
-from treadline.view._plots import LIVE_PLOTS, LOADING, add_plot, plot_data
+from treadline.view._plots import LOADING, add_plot, plot_data, shown_plots
 from treadline.view._scene import NARROW_CAMERA_M, NARROW_LOOK_AT_M, SHOWN, SceneView
 from treadline.view._session import SPEEDS, TRANSPORT, Session
 from treadline.view._what_if import FORKS, FRICTION_MAX, FRICTION_MIN, INJECTIONS, ChangeForm
@@ -60,7 +60,7 @@ class App:
         session.shows.update({name: shown for name, (_, shown) in SHOWN.items()})
         self._lock = threading.Lock()
         self._panels: dict[str, Any] = {}
-        self._plots: list[tuple[Any, Any]] = []
+        self._plots: list[tuple[Any, Any, Any]] = []
         self._plotted: tuple[Any, ...] = ()
         self._widths: tuple[float, float, bool] = (0.0, 0.0, False)
         self.page_px = math.inf
@@ -305,11 +305,11 @@ class App:
             return
         self._plotted = key
         if not self._plots:  # made after the first picture
-            gui = self._viser.gui
+            gui, plots = self._viser.gui, shown_plots(run)
             self._loading.remove()
             with self._plot_tab:
-                self._plots = [(gui.add_html(""), add_plot(gui, plot, run)) for plot in LIVE_PLOTS]
-        for (legend, handle), plot in zip(self._plots, LIVE_PLOTS, strict=True):
+                self._plots = [(plot, gui.add_html(""), add_plot(gui, plot, run, is_last=plot is plots[-1])) for plot in plots]
+        for plot, legend, handle in self._plots:
             change(legend, "content", legend_html(plot, run, session.cursor_s, forked=fork is not None))
             handle.data = plot_data(plot, run, session.cursor_s, fork)
 
