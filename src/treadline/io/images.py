@@ -99,6 +99,8 @@ class Pairing:
         lost: Receives each depth image that becomes no frame.
         ahead: Number of images that wait for their other one; where each topic travels by itself, one may be images ahead.
         is_alone_enough: Whether a depth image that is given up becomes a frame without colour.
+        is_ours: Whether each depth image has a calibration of its own stamp, as in a run's own log: it waits for that one.
+            Elsewhere the newest calibration holds.
     """
 
     def __init__(
@@ -110,16 +112,29 @@ class Pairing:
         lost: Lost = lambda _t_s, _reason: None,
         ahead: int = 1,
         is_alone_enough: bool = False,
+        is_ours: bool = False,
     ) -> None:
         self._has_colour, self._is_alone_enough = has_colour, is_alone_enough
         self._unit_m, self._calibrate, self._lost = unit_m, calibrate, lost
         self._camera = calibrate(None)
+        self._calibrated_s = -math.inf if is_ours and self._camera is None else math.inf
         self._ahead = ahead
         self._depths = deque[Picture]()
         self._colours = deque[Picture](maxlen=ahead)
 
-    def calibrate(self, camera: PinholeCamera) -> list[Paired]:
-        """Take a calibration; return the frames that it completes.
+    def take(self, role: str, message: Any, t_s: float) -> list[Paired]:
+        """Take a message by its role, ``depth``, ``color`` or ``info``; return the frames that it completes.
+
+        Raises:
+            ImageError: As the method of the role does.
+            LogFormatError: If the message is no image that can be read.
+        """
+        if role == "info":
+            return self.calibrate(calibration(message), t_s)
+        return (self.depth if role == "depth" else self.colour)(picture(message, t_s))
+
+    def calibrate(self, camera: PinholeCamera, t_s: float = 0.0) -> list[Paired]:
+        """Take a calibration with its stamp [s]; return the frames that it completes.
 
         Raises:
             ImageError: If the calibration has no focal length, or an image has another size.
@@ -131,6 +146,7 @@ class Pairing:
                 "FILE, or --set camera.fx_px, fy_px, cx_px and cy_px"
             )
         self._camera = given
+        self._calibrated_s = max(self._calibrated_s, t_s)
         return self._completed()
 
     def depth(self, image: Picture) -> list[Paired]:
@@ -160,7 +176,8 @@ class Pairing:
         """Return the frame of the newest depth image that has its colour image, or needs none, after those given up for it."""
         for place in reversed(range(len(self._depths) if self._camera is not None else 0)):
             colour = self._colour_of(self._depths[place])
-            if colour is not None or not self._has_colour:
+            is_calibrated = self._depths[place].t_s <= self._calibrated_s
+            if is_calibrated and (colour is not None or not self._has_colour):
                 return [*self._given_up(place), self._frame(self._depths.popleft(), colour)]
         return []
 

@@ -24,7 +24,7 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC
 
 from treadline.core.errors import LogFormatError
-from treadline.io.images import Paired, Pairing, calibration, picture
+from treadline.io.images import Pairing
 from treadline.io.message_types import message_of, stamped_s
 from treadline.io.messages import CAMERA_INFO, IMAGE
 from treadline.io.standard_messages import LOOKED, OURS, signal_reader
@@ -38,6 +38,8 @@ MAX_MESSAGES = 50_000_000
 LIBRARY = "treadline"
 """Library name in the MCAP header of logs written by treadline."""
 _PIECE = 1 << 20
+CAMERA_ROLES = {"/camera/color/image_raw": "color", "/camera/depth/image_rect": "depth", "/camera/color/camera_info": "info"}
+"""Topics of the camera in a run's own log, with the roles that ``Pairing`` knows."""
 
 BROKEN = (McapError, zstandard.ZstdError, struct.error, ValueError, LookupError, EOFError, OverflowError, MemoryError)
 """Exceptions of the parsers for damaged files: lengths, opcodes, text, numbers out of range."""
@@ -67,26 +69,21 @@ class LogDecoder:
         def lost(t_s: float, reason: str) -> None:
             raise LogFormatError(f"the depth image at {t_s} s has {reason}")
 
-        pairing = Pairing(lost=lost)
-        self._takers: dict[str, tuple[str, Callable[[Any, float], list[Paired]]]] = {
-            "/camera/color/image_raw": (IMAGE, lambda message, t_s: pairing.colour(picture(message, t_s))),
-            "/camera/depth/image_rect": (IMAGE, lambda message, t_s: pairing.depth(picture(message, t_s))),
-            "/camera/color/camera_info": (CAMERA_INFO, lambda message, _: pairing.calibrate(calibration(message))),
-        }
+        self._pairing = Pairing(lost=lost, is_ours=True)
 
     def signal(self, topic: str, kind: str, data: bytes) -> Any | None:
         """Return the signal completed by a message, or None."""
         read = signal_reader(topic, kind) if topic in OURS or topic in LOOKED else None
-        if read is None and topic not in self._takers:
+        if read is None and topic not in CAMERA_ROLES:
             return None
         message = message_of(kind, data)
         t_s = stamped_s(message.header.stamp)
         if read is not None:
             return read(message, t_s)
-        expected, take = self._takers[topic]
-        if kind != expected:
+        role = CAMERA_ROLES[topic]
+        if kind != (CAMERA_INFO if role == "info" else IMAGE):
             raise LogFormatError(f"{topic} holds {kind}")
-        return next((frame for frame, _ in take(message, t_s)), None)
+        return next((frame for frame, _ in self._pairing.take(role, message, t_s)), None)
 
 
 def read_log(path: Path, wants: Callable[[str], bool] = lambda _: True) -> Iterator[Any]:

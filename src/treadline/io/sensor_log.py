@@ -21,7 +21,7 @@ from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import ImageError, LogFormatError
 from treadline.core.ports import Reading
 from treadline.core.signals import Event, HeadingMeasurement, ImuSample
-from treadline.io.images import MILLIMETRE, Pairing, calibration, picture
+from treadline.io.images import MILLIMETRE, Pairing
 from treadline.io.mcap_read import BROKEN, has_arrivals
 from treadline.io.message_types import seconds_of
 from treadline.io.standard_messages import EVENTS, HEADINGS, LOOKED, OURS, imu, signal_reader
@@ -108,6 +108,7 @@ class SensorLog:
             unit_m=self._unit_m,
             calibrate=lambda logged: self._calibrate(logged, size),
             lost=self._lost,
+            is_ours=self._sealed,
         )
         self._given_s = 0.0
         self._force = (0.0, 0.0, 0.0)
@@ -151,12 +152,10 @@ class SensorLog:
 
     def _decoded(self, role: str, name: str, message: Received, logged_ns: int) -> Any | None:
         match role:
-            case "depth" | "color":
-                take = self._pairing.depth if role == "depth" else self._pairing.colour
-                found = take(picture(*message)) if self._in_order(name, message.t_s, logged_ns) else []
-                return next((frame for frame, _ in found), None)
-            case "info":
-                return next((frame for frame, _ in self._pairing.calibrate(calibration(message.body))), None)
+            case "depth" | "color" | "info":
+                if role != "info" and not self._in_order(name, message.t_s, logged_ns):
+                    return None
+                return next((frame for frame, _ in self._pairing.take(role, *message)), None)
             case "accel":
                 sample = imu(*message)
                 if self._in_order(name, sample.t_s, logged_ns):

@@ -11,7 +11,7 @@ from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import ImageError, LogFormatError
 from treadline.core.rotations import quaternion_of
 from treadline.core.signals import CommandSource, Event, VelocityCommand
-from treadline.io.images import Paired, Pairing, calibration, picture, with_mount
+from treadline.io.images import Paired, Pairing, with_mount
 from treadline.io.message_types import RosMessage, message_of, stamp, stamped_s, store
 from treadline.io.messages import CAMERA, STATUS, joints, messages_of, status
 from treadline.io.scene_messages import BASE, ODOMETRY, FramePose, camera_frames, frames_message, odometry_message
@@ -91,9 +91,9 @@ class Decoder:
             color, depth, info = self._kinds
             pairing = Pairing(calibrate=self._mounted, ahead=AHEAD)
             self._readers = {
-                color: lambda message, t_s: _frame(pairing.colour(picture(message, t_s))),
-                depth: lambda message, t_s: _frame(pairing.depth(picture(message, t_s))),
-                info: lambda message, _: _frame(pairing.calibrate(calibration(message))),
+                color: lambda message, t_s: _frame(pairing.take("color", message, t_s)),
+                depth: lambda message, t_s: _frame(pairing.take("depth", message, t_s)),
+                info: lambda message, t_s: _frame(pairing.take("info", message, t_s)),
             }
 
     def signal(self, topic: str, data: bytes) -> Any | None:

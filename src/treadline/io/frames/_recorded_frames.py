@@ -15,7 +15,7 @@ from treadline.core.errors import ImageError, LogFormatError, SettingsError
 from treadline.io._tables import listed
 from treadline.io.frames._cloud_files import POINT_CLOUD, cloud_of, point_cloud
 from treadline.io.frames.point_cloud import UNITS, FrameOptions, cloud_image
-from treadline.io.images import MILLIMETRE, PAIR_S, Paired, Pairing, calibration, picture, with_mount
+from treadline.io.images import MILLIMETRE, PAIR_S, Paired, Pairing, with_mount
 from treadline.io.mcap_read import BROKEN, RecordedTopic
 from treadline.io.messages import IMAGE
 from treadline.io.runs import LOG
@@ -63,7 +63,7 @@ class FramesOfLog:
             self._roles[self._info] = "info"
         self._wants_colour = self._options.colour and color is not None
         if color is not None and self._wants_colour:
-            self._roles[color] = "colour"
+            self._roles[color] = "color"
         self._origin_ns = found[self.topic].stamp_ns
         self.count: int | None = found[self.topic].count
         self._noted: dict[str, None] = {}
@@ -90,6 +90,7 @@ class FramesOfLog:
             calibrate=lambda logged: logged if given is None else given.camera,
             lost=self._lost,
             is_alone_enough=True,
+            is_ours=self._sealed,
         )
         self._last_s = -np.inf
         number = 0
@@ -113,17 +114,13 @@ class FramesOfLog:
 
     def _frames(self, topic: RecordedTopic, logged_ns: int, data: bytes) -> list[Paired]:
         """Return the frames that a message completes."""
-        message = received(topic, data, logged_ns, self._origin_ns)
-        match self._roles[topic.name]:
-            case "info":
-                return self._pairing.calibrate(calibration(message.body))
-            case "colour":
-                return self._pairing.colour(picture(*message))
-            case "depth":
-                image = picture(*message)
-                return self._pairing.depth(image) if self._is_later(image.t_s) else []
+        message, role = received(topic, data, logged_ns, self._origin_ns), self._roles[topic.name]
+        if role in ("depth", "cloud") and not self._is_later(message.t_s):
+            return []
+        if role != "cloud":
+            return self._pairing.take(role, *message)
         values, size = point_cloud(message.body), (message.body.width, message.body.height)
-        return [self._of_cloud(message.t_s, size, values)] if self._is_later(message.t_s) else []
+        return [self._of_cloud(message.t_s, size, values)]
 
     def _lost(self, t_s: float, reason: str) -> None:
         del t_s, reason
