@@ -141,7 +141,7 @@ def measure(seconds: float) -> dict[str, list[float]]:
 def _looped(robot: Robot, seconds: float) -> tuple[dict[str, list[float]], dict[str, float]]:
     rows: dict[str, list[float]] = {"camera → heading": [], "IMU → loop": []}
     proposed: dict[str, float] = {}
-    shown, gravity_C = list(stair_frames(robot.chair.camera_at(), rises=True))[1]  # the first is out of range
+    shown, gravity_C = list(stair_frames(robot.mission.chair.camera_at(), rises=True))[1]  # the first is out of range
     client, camera = GuardClient(robot.file), CameraThread(camera_frames(shown))
     detector = detector_of(robot.mission)
     try:
@@ -155,7 +155,7 @@ def _looped(robot: Robot, seconds: float) -> tuple[dict[str, list[float]], dict[
                     if isinstance(reading, ImuSample):
                         rows["IMU → loop"].append(1e3 * (time.monotonic() - session.start_s - reading.t_s))
                 for frame in camera.take(session.start_s):
-                    quality_of(frame, ground_ahead(frame, gravity_C, robot.chair.swept_half_m).obstacle_m)
+                    quality_of(frame, ground_ahead(frame, gravity_C, robot.mission.chair.swept_half_m).obstacle_m)
                     if detector.see(frame, gravity_C).measurement is not None:
                         rows["camera → heading"].append(1e3 * (time.monotonic() - session.start_s - frame.t_s))
     finally:

@@ -19,7 +19,7 @@ LAG_S = 0.15
 GAUGE_M = 0.65
 FAULTS = (
     "unplugged", "swapped", "left_reversed", "right_report_reversed", "reports_crossed", "lifted", "imu_frozen", "imu_silent",
-    "imu_upside_down", "error", "restart", "nonsense",
+    "imu_upside_down", "error", "restart", "nonsense", "rearm_pressed",
 )  # fmt: skip
 
 
@@ -91,7 +91,9 @@ class FloorBox:
             SeatReading(t_s=self.t_s, pitch_rad=0.0, stroke_m=0.03),
             FlipperReading(t_s=self.t_s, angle_rad=0.7, torque_n_m=0.0),
         ]
-        return [state, *joints, *self.inertial()]
+        is_pressed = self.t_s % 0.5 < 0.25
+        hand = [OperatorInput(t_s=self.t_s, dead_man=True, rearm=is_pressed)] if "rearm_pressed" in self.faults else []
+        return [state, *joints, *self.inertial(), *hand]
 
     def inertial(self) -> list[ImuSample]:
         if "imu_silent" in self.faults:

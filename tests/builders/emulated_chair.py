@@ -4,7 +4,6 @@ Times are those of the emulator's clock, which a busy machine slows down; ``PACE
 ``in_lockstep`` runs box and host in turns, so that a busy machine changes nothing.
 """
 
-import math
 import re
 import select
 import subprocess
@@ -82,7 +81,7 @@ def in_lockstep(port: Path, faults: list[str], until_s: float, *, rearms: int = 
     stood = 0
     while chair.t_s < until_s:
         reports = not given.active("unplugged", chair.t_s)
-        lines.extend(box.step())
+        lines.extend(f"{chair.t_s:.2f} s: {line}" for line in box.step())
         if not reports:
             continue
         wait_for(lambda: bool(new := link.poll()) and not states.extend(new), pause_s=0.0)
@@ -106,14 +105,14 @@ def axes_in_lockstep(
         until: Ends the drive; receives the time and the states so far.
     """
     chair, bus = FlatChair(), {"interface": "virtual", "channel": str(port)}
-    axes = CanAxes(chair, Faults(faults), Terminal(port), (1, 2), math.tau * PULLEY_M, bus)
+    axes = CanAxes(chair, Faults(faults), Terminal(port), bus)
     link = CanSimpleLink(left_node=1, right_node=2, wheel_radius_m=PULLEY_M, limits=LIMITS, **bus)
     lines: list[str] = []
     states: list[DriveState] = []
     stood = 0
     try:
         while not until(chair.t_s, states):
-            lines.extend(axes.step())
+            lines.extend(f"{chair.t_s:.2f} s: {line}" for line in axes.step())
             new = link.poll()
             states.extend(new)
             stood = stood + len(new) if states and states[-1].latched else 0

@@ -1,15 +1,14 @@
 """Arming: what is wrong is named before the chair drives, and nothing but the wiggle moves."""
 
-import json
-from itertools import cycle
-from threading import Thread
-
 import pytest
 from robots import TestRobot
 
 from treadline.core.errors import LinkError
 from treadline.hardware import drive as runs
 from treadline.hardware._arming import Wiggle, report_fault, turn_fault
+from treadline.io.runs import read_series
+from treadline.playback import read_recording
+from treadline.report import write_report
 
 # The wheelchair's tracks are 0.65 m apart: one belt at 0.05 m/s turns it by 0.077 rad/s without slip, by 0.79 of it on a floor.
 TURN_RAD_S = 0.79 * 0.05 / 0.65
@@ -110,17 +109,16 @@ def test_a_swap_that_the_robot_file_states_is_undone(robot: TestRobot) -> None:
     assert {entry["limit_m_s"] for entry in robot.done()} == {0.1}  # the box's own limit on the bench
 
 
-def test_a_recording_moves_nothing_and_is_a_log(robot: TestRobot) -> None:
-    """Test: a person presses re-arm again and again. Expected result: the box is not armed."""
-    recording = Thread(target=runs.record, args=(robot.file(), robot.folder / "run", 3.0))
-    recording.start()
-    for press in cycle((True, False)):
-        recording.join(0.25)
-        if not recording.is_alive():
-            break
-        robot.hold(dead_man=True, rearm=press)
-    assert json.loads((robot.folder / "run" / "result.json").read_text())["verdict"] == "time_up"
-    assert (robot.folder / "run" / "log.mcap").is_file()
+def test_a_recording_needs_no_hand_moves_nothing_and_can_be_looked_at(robot: TestRobot) -> None:
+    """Test: no handset, and a box that reports a re-arm again and again. Expected: it is not armed; a log and its page."""
+    robot.path.write_text(robot.path.read_text().replace(f'[handset]\nlink = "box:Hand"\nfolder = "{robot.folder}"\n', ""))
+    robot.broken("rearm_pressed")
+    assert runs.record(robot.file(), robot.folder / "run", 1.5)["verdict"] == "time_up"
     assert {(entry["what"], entry["latched"], *entry["asked"]) for entry in robot.done()} <= {
         (what, True, 0.0, 0.0) for what in ("open", "stop", "close")
     }
+    assert "chair of a test" in write_report(robot.folder / "run").read_text()
+    assert read_recording(robot.folder / "run").duration_s == pytest.approx(1.5, abs=0.1)
+    series = read_series(robot.folder / "run")
+    assert series["pitch_deg"] == pytest.approx(0.0, abs=0.1)
+    assert series["left_m_s"][1:] == pytest.approx(0.0)

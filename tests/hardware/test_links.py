@@ -9,6 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 from threading import Thread
+from types import SimpleNamespace
 
 import pytest
 from emulated_chair import LIMITS, PACE, PULLEY_M, axes_in_lockstep, drive, emulator, in_lockstep
@@ -21,9 +22,11 @@ if not HAS_COMPILER:
     pytest.skip("no C compiler (cc, gcc or clang) on the path", allow_module_level=True)
 
 import can
+import serial
 
 from treadline.core.errors import LinkError, SettingsError
 from treadline.core.signals import ImuSample, SeatReading
+from treadline.hardware import _serial_link
 from treadline.hardware._can_link import CanSimpleLink
 from treadline.hardware._frame import Kind, Present, frame_of
 from treadline.hardware._serial_link import SerialLink
@@ -111,7 +114,7 @@ def test_a_host_that_stops_or_dies_leaves_a_box_that_stands(tmp_path: Path, end:
 
 
 def test_errors_of_a_port_are_one_line_with_the_remedy(tmp_path: Path) -> None:
-    with pytest.raises(LinkError, match=r"no device .*; connect the box, and look for its port with"):
+    with pytest.raises(LinkError, match=r"none does not exist; connect the device, and look for its port with"):
         SerialLink(port=str(tmp_path / "none"), limits=LIMITS)
     near, far = os.openpty()
     port = os.ttyname(far)
@@ -126,10 +129,45 @@ def test_errors_of_a_port_are_one_line_with_the_remedy(tmp_path: Path) -> None:
         wait_for(lambda: bool(link.poll()))
     os.close(near)
     os.close(far)
-    with pytest.raises(LinkError, match=r"the box at .* has gone .*; connect it and start again"):
+    with pytest.raises(LinkError, match=r"the device at .* has gone .*; connect it and start again"):
         link.poll()
     link.send(0.1, 0.1)  # raises nothing: poll names the cause
     link.close()
+
+
+def test_a_port_without_permission_is_one_line_with_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(port: str, *_: object, **__: object) -> None:
+        raise serial.SerialException(13, f"could not open port {port}: [Errno 13] Permission denied: '{port}'")
+
+    monkeypatch.setattr(serial, "Serial", refuse)
+    with pytest.raises(LinkError, match=r"^/dev/ttyACM0 needs a permission: .*: sudo usermod -aG dialout \$USER$"):
+        SerialLink(port="/dev/ttyACM0", limits=LIMITS)
+
+
+def usb(device: str, socket: str, number: str | None) -> SimpleNamespace:
+    return SimpleNamespace(device=device, vid=0x2E8A, pid=0x000A, serial_number=number, location=f"{socket}:1.0")
+
+
+@pytest.mark.parametrize(
+    ("other", "is_refused"),
+    [
+        (usb("/dev/ttyACM9", "1-2", "E66"), True),
+        (usb("/dev/ttyACM9", "1-2", "E67"), False),
+        (usb("/dev/ttyACM9", "1-1", "E66"), False),  # a second port of the same device
+        (usb("/dev/ttyUSB9", "1-2", None), False),
+    ],
+)
+def test_two_boxes_with_one_id_are_refused(monkeypatch: pytest.MonkeyPatch, other: SimpleNamespace, *, is_refused: bool) -> None:
+    near, far = os.openpty()
+    port = os.ttyname(far)
+    monkeypatch.setattr(_serial_link, "comports", lambda: [usb(port, "1-1", "E66"), other])
+    if is_refused:
+        with pytest.raises(LinkError, match="two devices have the USB id 2e8a:000a E66; unplug one, or give its"):
+            SerialLink(port=port, limits=LIMITS)
+    else:
+        SerialLink(port=port, limits=LIMITS).close()
+    os.close(near)
+    os.close(far)
 
 
 @pytest.mark.parametrize(
@@ -201,8 +239,8 @@ def test_a_speed_that_is_not_a_number_stops() -> None:
 def test_a_fault_that_does_not_exist_is_named() -> None:
     with pytest.raises(SettingsError, match=r"fault 'lat@3': no kind 'lat'; did you mean 'late'\?"):
         Faults(["lat@3"])
-    with pytest.raises(SettingsError, match=r"fault 'late' has no times; write for example late@3 or late@3=0.15"):
-        Faults(["late"])
+    with pytest.raises(SettingsError, match=r"fault 'late@soon' is not written as KIND, .*, for example late@3=0.15"):
+        Faults(["late@soon"])
 
 
 def can_link(bus: dict[str, object], **changed: float) -> CanSimpleLink:
@@ -218,6 +256,7 @@ def test_two_axes_on_a_can_bus_drive_and_stop_together(tmp_path: Path) -> None:
     assert "drive 1 left closed-loop control; check its supply and errors (odrivetool)" in errors
     assert max(state.left_m_s for state in states) == pytest.approx(0.2)
     # Each re-arm proves the watchdog: it trips once while the axis stands.
+    events = events[2:]  # both axes start
     causes = [event.cause for event in events if event.axis == 1]
     proved, driven = ["ARMED", "WATCHDOG", "ARMED"], ["WATCHDOG", "STOPPED", "START", "WATCHDOG"]
     assert causes[: 4 * len(driven)] == [cause for stop in driven for cause in (*proved, stop)]

@@ -5,7 +5,6 @@ person holds the dead-man switch: each belt alone, forward and back, is compared
 """
 
 import math
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -14,18 +13,10 @@ from typing import Any
 
 from treadline.core.angles import DEG, tilt_of
 from treadline.core.errors import LinkError
-from treadline.core.signals import (
-    TICK_S,
-    FlipperReading,
-    ImuSample,
-    OperatorInput,
-    SeatReading,
-    TrackCommand,
-    TrackReading,
-)
+from treadline.core.signals import TICK_S, FlipperReading, ImuSample, OperatorInput, SeatReading, TrackCommand, TrackReading
 from treadline.guard import SILENCE_S, GuardConfig
 from treadline.hardware._guard_client import GuardClient
-from treadline.hardware._robot_plant import CameraThread
+from treadline.hardware._robot_plant import CameraThread, RobotPlant
 from treadline.hardware.robot_file import RobotFile
 from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription
 
@@ -51,6 +42,7 @@ class BenchSession:
         config: Limits of the session.
         cause: Why the guard holds until the first re-arm.
         log: Receives each reading and event, with its mission time [s].
+        camera: Camera whose frames are readings as well.
         rearms: Whether a person can re-arm.
     """
 
@@ -61,10 +53,11 @@ class BenchSession:
         cause: str,
         log: Callable[[Any, float], None] = lambda _signal, _t_s: None,
         *,
+        camera: CameraThread | None = None,
         rearms: bool = True,
     ) -> None:
         self._client, self._log = client, log
-        self.start_s = client.begin(config, cause, rearms=rearms)
+        self._plant = RobotPlant(client, client.begin(config, cause, rearms=rearms), camera)
         self._ticks = 0
         self.newest: dict[type, Any] = {}
         """Newest reading of each type."""
@@ -82,16 +75,23 @@ class BenchSession:
         """
         client = self._client
         self._ticks += 1
-        time.sleep(max(self.start_s + self.t_s - time.monotonic(), 0.0))
-        client.receive()
+        self._plant.advance(self.t_s)
         if client.lost is not None:
             raise LinkError(client.lost)
-        readings = client.readings(math.inf)
+        readings = self._plant.read()
         for signal in (*readings, *client.take_events()):
             self._log(signal, self.t_s)
         self.newest |= {type(reading): reading for reading in readings}
         client.propose(TrackCommand(t_s=self.t_s, left_m_s=left_m_s, right_m_s=right_m_s))
         client.step(self.t_s, None)
+        return readings
+
+    def settled(self, left_m_s: float, right_m_s: float, for_s: float) -> list[Any]:
+        """Drive for a time [s], or until the guard holds; return the readings after the first ``SETTLE_S``."""
+        start_s, readings = self.t_s, list[Any]()
+        while self.t_s < start_s + for_s and (self._client.holding is None or left_m_s == right_m_s == 0.0):
+            new = self.tick(left_m_s, right_m_s)
+            readings += new if self.t_s > start_s + SETTLE_S else []
         return readings
 
     def wait(self, what: str, limit_s: float, until: Callable[[], bool]) -> None:
@@ -156,11 +156,7 @@ def turn_fault(left: Wiggle, right: Wiggle, gauge_m: float) -> tuple[str | None,
     backward = [name for name, turn in turns.items() if turn < 0.0]
     if len(backward) == 2:
         return "the chair turns the wrong way: the belts are swapped (signs.swapped = true), or both run backwards", True
-    return (
-        (f"the {backward[0]} belt runs backwards: set signs.{backward[0]} = -1 in the robot file", True)
-        if backward
-        else (None, True)
-    )
+    return f"the {backward[0]} belt runs backwards: set signs.{backward[0]} = -1 in the robot file" if backward else None, True
 
 
 class Arming:
@@ -185,28 +181,23 @@ class Arming:
         Raises:
             LinkError: If one is silent, or a value is wrong.
         """
-        session = self._session
-        if self._robot.joints is None and (self._chair.seat is not None or self._chair.flipper is not None):
-            lacks = f"{self._chair.name} has a seat or a flipper, and the robot file no [joints]"
-            raise LinkError(f"arming: {lacks}; add the table, or give mission.chair without them")
+        session, chair, limits = self._session, self._chair, self._robot.limits
+        has_joints = chair.seat is not None or chair.flipper is not None
+        lacks = f"{chair.name} has a seat or a flipper, and the robot file no [joints]"
+        _require(self._robot.joints is not None or not has_joints, f"{lacks}; add the table, or give mission.chair without them")
         wanted: dict[type, str] = {TrackReading: "drives", ImuSample: "imu", OperatorInput: "handset"}
-        if self._chair.seat is not None:
-            wanted[SeatReading] = "joints (seat)"
-        if self._chair.flipper is not None:
-            wanted[FlipperReading] = "joints (flipper)"
+        wanted |= {} if chair.seat is None else {SeatReading: "joints (seat)"}
+        wanted |= {} if chair.flipper is None else {FlipperReading: "joints (flipper)"}
         for kind, name in wanted.items():
-            session.wait(
-                f"no reading of {name}; is it plugged in and powered?", SPEAK_S, partial(session.newest.__contains__, kind)
-            )
+            silent = f"no reading of {name}; is it plugged in and powered?"
+            session.wait(silent, SPEAK_S, partial(session.newest.__contains__, kind))
         if camera is not None:
             self._check_camera(camera)
-        least_v, state = self._robot.limits.battery_least_v, self._client.state
-        volts = None if state is None else state.voltage_v
-        if least_v is not None and (volts is None or volts < least_v):
-            measured = "not measured" if volts is None else f"at {volts:.1f} V"
-            raise LinkError(f"arming: the battery is {measured}, and {least_v:g} V are asked for; charge it")
+        volts = None if self._client.state is None else self._client.state.voltage_v
+        measured, least_v = "not measured" if volts is None else f"{volts:.1f} V", limits.battery_least_v or 0.0
+        _require(least_v <= (volts or 0.0), f"the battery is at {measured}, and {least_v:g} V are asked for; charge it")
         self._check_axes()
-        self._say(f"sensors speak, chair level, gravity along +z, battery {'not measured' if volts is None else f'{volts:.1f} V'}")
+        self._say(f"sensors speak, chair level, gravity along +z, battery {measured}")
         self._say("not checked, because level ground does not show them: the signs of pitch and roll")
 
     def dead_man(self) -> None:
@@ -226,21 +217,18 @@ class Arming:
         Raises:
             LinkError: If a sign or a scale is wrong, with the remedy.
         """
-        wiggles: dict[str, Wiggle] = {}
+        client, wiggles = self._client, dict[str, Wiggle]()
         for name, left, right in (("left", 1.0, 0.0), ("right", 0.0, 1.0)):
-            while name not in wiggles or self._client.holding is not None:
-                if self._client.holding is not None:
-                    self._say(f"held: {self._client.holding}; release the dead-man switch and re-arm")
+            while name not in wiggles or client.holding is not None:
+                if client.holding is not None:
+                    self._say(f"held: {client.holding}; release the dead-man switch and re-arm")
                 wiggles[name] = self._wiggle(left, right)
-                fault = report_fault(name, wiggles[name], self._client.config.deviation, whole=self._client.holding is None)
-                if fault is not None:
-                    raise LinkError(f"arming: {fault}")
+                fault = report_fault(name, wiggles[name], client.config.deviation, whole=client.holding is None)
+                _require(fault is None, str(fault))
         fault, on_floor = turn_fault(wiggles["left"], wiggles["right"], self._chair.tracks.gauge_m)
-        if fault is not None:
-            raise LinkError(f"arming: {fault}")
-        self._say(
-            "belts on the floor, signs right by the gyro" if on_floor else "belts lifted; did the left one move first, forward?"
-        )
+        _require(fault is None, str(fault))
+        lifted = "belts lifted; did the left one move first, forward?"
+        self._say("belts on the floor, signs right by the gyro" if on_floor else lifted)
         return on_floor
 
     @property
@@ -257,19 +245,15 @@ class Arming:
 
     def _moved(self, left: float, right: float) -> tuple[float, float, float]:
         """Return the means of a movement: speeds of the moved and of the other belt [m/s], gyro rate [rad/s]."""
-        session, client = self._session, self._client
-        session.wait("the guard holds, and no person re-armed", PERSON_S, lambda: client.holding is None)
-        start_s, tracks, rates = session.t_s, list[TrackReading](), list[float]()
-        while session.t_s < start_s + WIGGLE_S and client.holding is None:
-            for reading in session.tick(left * self._speed_m_s, right * self._speed_m_s):
-                if isinstance(reading, TrackReading) and session.t_s > start_s + SETTLE_S:
-                    tracks.append(reading)
-                elif isinstance(reading, ImuSample) and session.t_s > start_s + SETTLE_S:
-                    rates.append(reading.angular_velocity_rad_s[2])
-        if not tracks or not rates:
-            return (left + right) * self._speed_m_s, 0.0, 0.0  # held before the belt moved: the wiggle is repeated
-        belts = fmean(reading.left_m_s for reading in tracks), fmean(reading.right_m_s for reading in tracks)
-        own, other = belts if left else belts[::-1]
+        client, speed_m_s = self._client, self._speed_m_s
+        self._session.wait("the guard holds, and no person re-armed", PERSON_S, lambda: client.holding is None)
+        readings = self._session.settled(left * speed_m_s, right * speed_m_s, WIGGLE_S)
+        belts = [reading for reading in readings if isinstance(reading, TrackReading)]
+        rates = [reading.angular_velocity_rad_s[2] for reading in readings if isinstance(reading, ImuSample)]
+        if not belts or not rates:
+            return (left + right) * speed_m_s, 0.0, 0.0  # held before the belt moved: the wiggle is repeated
+        means = fmean(reading.left_m_s for reading in belts), fmean(reading.right_m_s for reading in belts)
+        own, other = means if left else means[::-1]
         return own, other, fmean(rates)
 
     def _check_camera(self, camera: CameraThread) -> None:
@@ -277,30 +261,27 @@ class Arming:
         wait = self._session.wait
         wait("no frame of the camera", SPEAK_S, lambda: camera.count > 0 or camera.error is not None)
         wait("too few frames of the camera", SPEAK_S, lambda: camera.is_measured or camera.error is not None)
-        if camera.error is not None:
-            raise LinkError(f"arming: camera: {camera.error}")
-        if camera.period_s + camera.lateness_s > SILENCE_S:
-            seen = f"sends a frame each {camera.period_s:.2f} s, up to {camera.lateness_s:.2f} s late"
-            raise LinkError(f"arming: the camera {seen}: a lost frame would hold the chair; raise its rate, or close programs")
+        _require(camera.error is None, f"camera: {camera.error}")
+        seen = f"sends a frame each {camera.period_s:.2f} s, up to {camera.lateness_s:.2f} s late"
+        remedy = "a lost frame would hold the chair; raise its rate, or close programs"
+        _require(camera.period_s + camera.lateness_s <= SILENCE_S, f"the camera {seen}: {remedy}")
 
     def _check_axes(self) -> None:
         """Raise where gravity is not along +z of a chair on level ground, or the attitude contradicts it."""
-        samples: list[ImuSample] = []
-        end_s = self._session.t_s + SETTLE_S
-        while self._session.t_s < end_s:
-            samples += [reading for reading in self._session.tick() if isinstance(reading, ImuSample)]
-        if not samples:
-            raise LinkError("arming: the imu fell silent; is it plugged in and powered?")
+        samples = [reading for reading in self._session.settled(0.0, 0.0, 2.0 * SETTLE_S) if isinstance(reading, ImuSample)]
+        _require(bool(samples), "the imu fell silent; is it plugged in and powered?")
         x, y, z = (fmean(sample.linear_acceleration_m_s2[axis] for sample in samples) for axis in range(3))
         size, deviation = math.hypot(x, y, z), self._client.config.deviation
-        if z < math.cos(TILT_RAD) * size or abs(size / GRAVITY_M_S2 - 1.0) > deviation:
-            raise LinkError(
-                f"arming: the specific force is ({x:.1f}, {y:.1f}, {z:.1f}) m/s² where (0, 0, 9.8) is at rest on level ground; "
-                "correct the axes of the inertial sensor, or stand level"
-            )
+        is_up = z >= math.cos(TILT_RAD) * size and abs(size / GRAVITY_M_S2 - 1.0) <= deviation
+        seen, wanted = f"the specific force is ({x:.1f}, {y:.1f}, {z:.1f}) m/s²", "(0, 0, 9.8) is at rest on level ground"
+        _require(is_up, f"{seen} where {wanted}; correct the axes of the inertial sensor, or stand level")
         pitch_rad, roll_rad = tilt_of(samples[-1].orientation)
-        if max(abs(pitch_rad - math.asin(x / GRAVITY_M_S2)), abs(roll_rad - math.asin(y / GRAVITY_M_S2))) > TILT_RAD:
-            raise LinkError(
-                f"arming: the attitude has {pitch_rad / DEG:.0f}° pitch and {roll_rad / DEG:.0f}° roll, gravity says otherwise; "
-                "correct the axes of the inertial sensor's attitude"
-            )
+        agrees = max(abs(pitch_rad - math.asin(x / size)), abs(roll_rad - math.asin(y / size))) <= TILT_RAD
+        seen = f"the attitude has {pitch_rad / DEG:.0f}° pitch and {roll_rad / DEG:.0f}° roll, gravity says otherwise"
+        _require(agrees, f"{seen}; correct the axes of the inertial sensor's attitude")
+
+
+def _require(condition: object, otherwise: str) -> None:
+    """Raise where a condition of the arming list does not hold."""
+    if not condition:
+        raise LinkError(f"arming: {otherwise}")

@@ -50,6 +50,8 @@ class Axis:
     @property
     def problem(self) -> str | None:
         """Error of the drive in one line; none for those that stop() and the watchdog set."""
+        if self.protocol is None:
+            return f"drive {self.node} does not report its protocol version; it needs firmware 0.6"
         error = self.error & ~(simple.WATCHDOG_EXPIRED | simple.ESTOP_REQUESTED)
         return f"drive {self.node} reports error {error:#x}; read it with odrivetool: dump_errors" if error else None
 
@@ -85,10 +87,7 @@ class CanSimpleLink:
         self._turn_m = _turn_m(wheel_radius_m, gear_ratio)
         self._axes = {node: Axis(node) for node in _nodes(left_node, right_node)}
         self._limits, self._name = limits, f"{interface} {channel}"
-        try:
-            self._bus: can.BusABC | None = can.Bus(interface=interface, channel=channel, **options)
-        except (can.CanError, OSError, ValueError, ImportError) as error:
-            raise LinkError(f"no CAN bus {self._name} ({error}); bring it up, or correct interface and channel") from error
+        self._bus = open_bus(interface=interface, channel=channel, **options)
         self._sent: deque[tuple[int, bytes]] = deque(maxlen=ECHOES)
         self._voltage_v: float | None = None
         self._phase = "latched"
@@ -141,14 +140,12 @@ class CanSimpleLink:
 
     def close(self) -> None:
         """Stop the drives and release the bus."""
-        if self._bus is not None:
-            self.stop()
-            self._bus.shutdown()
-            self._bus = None
+        self.stop()
+        self._bus.shutdown()
 
     def _received(self) -> Iterator[can.Message]:
         """Yield the messages of the drives; SocketCAN reports faults of the bus as messages too."""
-        while self._bus is not None:
+        while True:
             try:
                 message = self._bus.recv(0)
             except (can.CanError, OSError) as error:
@@ -238,7 +235,7 @@ class CanSimpleLink:
         axes = list(self._axes.values())
         for axis in axes:
             axis.is_new = False
-        problems = [self._fault, *(axis.problem for axis in axes), *map(_unknown, axes)]
+        problems = [self._fault, *(axis.problem for axis in axes)]
         return DriveState(
             t_s=time.monotonic(),
             box_s=None,
@@ -261,14 +258,21 @@ class CanSimpleLink:
         message = can.Message(arbitration_id=identifier, data=content, is_extended_id=False, is_remote_frame=remote)
         if command in (CanCommand.SET_INPUT_VEL, CanCommand.SET_AXIS_STATE):
             self._sent.append((identifier, content))
-        if self._bus is not None:
-            with contextlib.suppress(can.CanError, OSError):
-                self._bus.send(message, timeout=0)
+        with contextlib.suppress(can.CanError, OSError):
+            self._bus.send(message, timeout=0)
 
 
-def _unknown(axis: Axis) -> str | None:
-    """Return that a drive has not reported its protocol; None if it has."""
-    return f"drive {axis.node} does not report its protocol version; it needs firmware 0.6" if axis.protocol is None else None
+def open_bus(**options: Any) -> can.BusABC:
+    """Return a bus by the options of python-can.
+
+    Raises:
+        LinkError: If it does not open.
+    """
+    try:
+        return can.Bus(**options)
+    except (can.CanError, OSError, ValueError, ImportError) as error:
+        name = f"{options['interface']} {options['channel']}"
+        raise LinkError(f"no CAN bus {name} ({error}); bring it up, or correct interface and channel") from error
 
 
 def _turn_m(wheel_radius_m: float, gear_ratio: float) -> float:

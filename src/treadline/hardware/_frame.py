@@ -7,10 +7,10 @@ byte at the end. Numbers have their least significant byte first. Byte tables: d
 
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
-from itertools import islice
+from itertools import cycle
 from typing import Any
 
 from treadline.core.errors import LinkError
@@ -18,22 +18,21 @@ from treadline.hardware.ports import HOLD_M_S2, DriveLimits
 
 VERSION = 1
 """Version of the messages, the first byte of each."""
-BELT_M_S = 1e-4
-"""Unit of belt speeds [m/s]."""
-SEAT_M = 1e-5
-"""Unit of the seat's stroke [m], and of its rate [m/s]."""
-FLIPPER_RAD_S = 1e-3
-"""Unit of the flipper's rate [rad/s]."""
-RAD = 1e-4
-"""Unit of angles [rad] and angular velocities [rad/s]."""
-TORQUE_N_M = 0.1
-"""Unit of the flipper's torque [N m]."""
-QUATERNION = 2.0**-14
-"""Unit of a quaternion's components."""
-SET_POINT_M_S = 1e-6
-"""Unit of the belts' set points [m/s]."""
+UNITS = {
+    "drive": (1e-4, 1e-4, 1e-5, 1e-3),
+    "limits": (1e-4, 1e-3, 1e-3, 1e-3, 1e-5, 1e-3),
+    "set_points": (1e-6,),
+    "belts": (1e-4,),
+    "voltage": (1e-3,),
+    "orientation": (2.0**-14,),
+    "rates": (1e-4,),
+    "accelerations": (1e-3,),
+    "seat": (1e-4, 1e-5),
+    "flipper": (1e-4, 0.1),
+}
+"""Units of the numbers of a message, by their names in the byte tables, in SI units; a single one holds for all."""
 MILLI = 1e-3
-"""Unit of the box's clock [s], accelerations [m/s²] and voltages [V]."""
+"""Unit of the box's clock [s]."""
 
 HOST = struct.Struct("<BBBHHIH6h")
 """Bytes of a host's message."""
@@ -83,9 +82,9 @@ class HostMessage:
         return frame_of(HOST.pack(*head, *self.values))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class BoxState:
-    """State of the box and its readings, in the units of the frame."""
+    """State of the box and its readings, in the units and the order of the frame."""
 
     now_ms: int
     latch: int
@@ -119,27 +118,23 @@ class BoxState:
     """Angle of the flipper, and torque."""
 
 
-_PAIRS, _TRIPLES = ("set_points_um_s", "belts", "seat", "flipper"), ("rates", "accelerations")
-_COUNTS = {"limits": VALUES, "orientation": 4, **dict.fromkeys(_PAIRS, 2), **dict.fromkeys(_TRIPLES, 3)}
-"""Numbers in those fields of a state that have more than one."""
+def counts(name: str, values: Iterable[float]) -> tuple[int, ...]:
+    """Return finite values in the units of a field, rounded and kept within 16 bits, as a sensor's converter does."""
+    return tuple(
+        round(min(max(value / unit, -(2.0**15)), 2.0**15 - 1.0)) for value, unit in zip(values, cycle(UNITS[name]), strict=False)
+    )
 
 
-def counts(value: float, unit: float) -> int:
-    """Return a finite value in a unit, rounded and kept within 16 bits, as a sensor's converter does."""
-    return round(min(max(value / unit, -(2.0**15)), 2.0**15 - 1.0))
+def physical(name: str, numbers: Iterable[int]) -> Any:
+    """Return the numbers of a field as a tuple of values in SI units."""
+    return tuple(number * unit for number, unit in zip(numbers, cycle(UNITS[name]), strict=False))
 
 
 def limit_values(limits: DriveLimits) -> tuple[int, ...]:
     """Return limits as the values of a message."""
     hold_m_s2 = min(HOLD_M_S2, limits.acceleration_m_s2)
-    return (
-        counts(limits.speed_m_s, BELT_M_S),
-        counts(limits.acceleration_m_s2, MILLI),
-        counts(hold_m_s2, MILLI),
-        counts(limits.watchdog_s, MILLI),
-        counts(limits.seat_m_s, SEAT_M),
-        counts(limits.flipper_rad_s, FLIPPER_RAD_S),
-    )
+    motion = (limits.speed_m_s, limits.acceleration_m_s2, hold_m_s2, limits.watchdog_s)
+    return counts("limits", (*motion, limits.seat_m_s, limits.flipper_rad_s))
 
 
 def frame_of(content: bytes) -> bytes:
@@ -174,13 +169,10 @@ def state_of(content: bytes) -> BoxState | None:
         )
     if len(content) != STATE.size or content[1] != STATE_KIND:
         return None
-    numbers = iter(STATE.unpack(content)[3:])
-    values: dict[str, Any] = {}
-    for name in BoxState.__slots__:
-        count = _COUNTS.get(name)
-        values[name] = next(numbers) if count is None else tuple(islice(numbers, count))
-    kinds: dict[str, Any] = {"cause": Cause, "flags": Flag, "present": Present, "reply": Reply}
-    return BoxState(**values | {name: kind(values[name]) for name, kind in kinds.items()})
+    n: Any = STATE.unpack(content)
+    fields = [*n[3:5], Cause(n[5]), Flag(n[6]), Present(n[7]), Reply(n[8]), *n[9:13], n[13:19], n[19:21], n[21:23], n[23]]
+    fields += [n[24:28], n[28:31], n[31:34], n[34:36], n[36:38]]
+    return BoxState(*fields)
 
 
 class FrameReader:

@@ -14,22 +14,12 @@ from typing import Any
 
 from treadline.core.errors import LinkError
 from treadline.core.ports import Reading
-from treadline.core.signals import (
-    Event,
-    FrameQuality,
-    FreeGround,
-    HeadingEstimate,
-    HeadingHealth,
-    HeadingMeasurement,
-    MotionPlan,
-    SeatCommand,
-    StairMap,
-    TrackCommand,
-)
+from treadline.core.signals import Event, FrameQuality, FreeGround, HeadingEstimate, HeadingMeasurement, SeatCommand, TrackCommand
 from treadline.guard import SILENCE_S, Commands, GuardConfig, ReadingAdmission
 from treadline.hardware._process_messages import received, send
-from treadline.hardware.ports import DriveState
+from treadline.hardware.ports import DriveState, StickReading
 from treadline.hardware.robot_file import RobotFile
+from treadline.mission.loop import GuardMessage
 
 OPEN_S = 30.0
 """Longest time to open all links [s]: a busy machine starts Python in seconds, and a vendor's driver resets its device."""
@@ -57,6 +47,8 @@ class GuardClient:
         self.config: GuardConfig
         self.holding: str | None = None
         """Cause of the guard's hold as last reported, or None."""
+        self.stick: StickReading
+        """Newest deflection of the handset's stick."""
         self.state: DriveState | None = None
         """Newest state of the drives."""
         self.lost: str | None = None
@@ -95,7 +87,7 @@ class GuardClient:
             The monotonic time at which the session's mission clock is zero [s].
         """
         self._start_s = self._heard_s = time.monotonic()
-        self.config, self.holding = config, cause
+        self.config, self.holding, self.stick = config, cause, StickReading(t_s=0.0, speed=0.0, turn=0.0)
         self._admission = ReadingAdmission(config)
         self._commands = Commands(TrackCommand.stop(0.0), SeatCommand(t_s=0.0, rate_m_s=0.0), None)
         self._events, self._readings, self._calls = [], [], []
@@ -135,7 +127,7 @@ class GuardClient:
             self._calls.append(("admit", reading))
         return self._admission.admit(reading)
 
-    def on_message(self, message: HeadingMeasurement | StairMap | HeadingHealth | MotionPlan) -> None:
+    def on_message(self, message: HeadingMeasurement | GuardMessage) -> None:
         """Pass on a message that other blocks computed from readings."""
         self._calls.append(("on_message", message))
 
@@ -150,8 +142,7 @@ class GuardClient:
     def step(self, t_s: float, estimate: HeadingEstimate | None) -> Commands:
         """Send the messages of the tick, which are the loop's heartbeat; return the newest commands of the guard."""
         del t_s
-        message: dict[str, Any] = {"calls": self._calls}
-        send(self._channel, message if estimate is None else message | {"estimate": estimate})
+        send(self._channel, {"calls": self._calls, "estimate": estimate})
         self._calls = []
         return self._commands
 
@@ -178,4 +169,8 @@ class GuardClient:
         self._commands = Commands(*report["commands"])
         self.holding = report["holding"]
         self._events += report["events"]
-        self._readings += report["readings"]
+        for reading in report["readings"]:
+            if isinstance(reading, StickReading):
+                self.stick = reading
+            else:
+                self._readings.append(reading)

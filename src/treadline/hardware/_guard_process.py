@@ -117,7 +117,7 @@ class GuardProcess:
             return
         if "hold" in message:
             guard.hold(message["hold"])
-        self._estimate = message.get("estimate", self._estimate)
+        self._estimate = message.get("estimate") or self._estimate
         for call, signal_ in message.get("calls", ()):
             waits = isinstance(signal_, TrackCommand) and self._links.is_rearming  # a command that nobody follows would be a stall
             getattr(guard, call)(TrackCommand.stop(signal_.t_s) if waits else signal_)

@@ -24,16 +24,15 @@ EVENT = struct.Struct("IhBB")
 """Event of the joystick interface: time [ms], value, type, number (linux/joystick.h)."""
 AXIS, BUTTON = 2, 1
 FULL = 32767.0
-DEAD_MAN, STOP, REARM, FLIGHT_ENDS, GO_BACK = 4, 1, 7, 3, 2
+BUTTONS = {"dead_man": 4, "stop": 1, "rearm": 7, "flight_ends": 3, "go_back": 2}
 """Buttons of a gamepad in the order of the kernel's xpad driver: left shoulder, B, start, Y, X."""
 
 
 class _Reports:
     """Reports at their period and at each change."""
 
-    def __init__(self) -> None:
-        self._last: tuple[object, ...] = ()
-        self._due_s = 0.0
+    _last: tuple[object, ...] = ()
+    _due_s = 0.0
 
     def of(self, t_s: float, stick: tuple[float, float], **buttons: bool) -> list[OperatorInput | StickReading]:
         """Return the reports that are due."""
@@ -116,16 +115,8 @@ class Gamepad:
                 self._down[number] = value != 0
             elif kind & AXIS and number in self._axes:
                 self._axes[number] = -value / FULL
-        down = self._down.get
-        return self._reports.of(
-            time.monotonic(),
-            (self._axes[1], self._axes[0]),
-            dead_man=down(DEAD_MAN, False),
-            stop=down(STOP, False),
-            rearm=down(REARM, False),
-            flight_ends=down(FLIGHT_ENDS, False),
-            go_back=down(GO_BACK, False),
-        )
+        pressed = {name: self._down.get(number, False) for name, number in BUTTONS.items()}
+        return self._reports.of(time.monotonic(), (self._axes[1], self._axes[0]), **pressed)
 
     def close(self) -> None:
         """Release the device."""

@@ -6,6 +6,7 @@
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, closing
 from dataclasses import replace
 from typing import Any
 
@@ -31,14 +32,13 @@ def open_links(requests: Mapping[str, Any], limits: DriveLimits) -> dict[str, An
         LinkError: If a class does not exist or fits no port, or a device does not open.
     """
     links: dict[str, Any] = {}
-    try:
+    with ExitStack() as opened:
         for port, request in requests.items():
-            links[port] = links.get(request["class"]) or _opened(port, request, limits)
+            more = {"limits": limits} if port == "drives" else {}
+            shared = links.get(request["class"])
+            links[port] = shared or opened.enter_context(closing(open_driver(port, request, **more)))
             _check_protocol(port, links[port])
-    except LinkError:
-        for link in {id(link): link for link in links.values()}.values():
-            link.close()
-        raise
+        opened.pop_all()
     return links
 
 
@@ -48,20 +48,29 @@ def _check_protocol(port: str, link: Any) -> None:
         raise LinkError(f"{port}: {type(link).__name__} has no {', '.join(wanted)}(); see treadline.hardware.ports")
 
 
-def _opened(port: str, request: Mapping[str, Any], limits: DriveLimits) -> Any:
+def open_driver(table: str, request: Mapping[str, Any], **more: Any) -> Any:
+    """Return an object of a class that the robot file names.
+
+    Args:
+        table: Table of the robot file.
+        request: Class as ``module:Class``, and options.
+        more: Further options.
+
+    Raises:
+        LinkError: If the class does not exist or takes no such options, or the device does not open.
+    """
     module, _, name = request["class"].partition(":")
-    options = request["options"] | ({"limits": limits} if port == "drives" else {})
     try:
-        return getattr(own_module(module), name)(**options)
+        return getattr(own_module(module), name)(**request["options"], **more)
     except TreadlineError as error:
-        raise LinkError(f"{port}: {error}") from error
+        raise LinkError(f"{table}: {error}") from error
     except TypeError as error:
-        raise LinkError(f"{port}: {error}; correct the keys of [{port}] in the robot file") from error
+        raise LinkError(f"{table}: {error}; correct the keys of [{table}] in the robot file") from error
     except ImportError as error:
-        remedy = "pip install '.[hardware]' in treadline's folder, or correct link in the robot file"
-        raise LinkError(f"{port}: {request['class']} cannot be imported ({error}); {remedy}") from error
+        remedy = "pip install '.[hardware]' in treadline's folder, or correct the name in the robot file"
+        raise LinkError(f"{table}: {request['class']} cannot be imported ({error}); {remedy}") from error
     except Exception as error:
-        raise LinkError(f"{port}: {request['class']} cannot be opened: {type(error).__name__}: {error}") from error
+        raise LinkError(f"{table}: {request['class']} cannot be opened: {type(error).__name__}: {error}") from error
 
 
 class Links:

@@ -14,11 +14,10 @@ from threading import Thread
 from typing import Any
 
 from treadline.core.camera_images import NamedFrame, RgbdFrame
-from treadline.core.errors import TreadlineError
+from treadline.core.errors import CameraError, TreadlineError
 from treadline.core.ports import Reading
 from treadline.core.signals import TICK_S, FlipperCommand, SeatCommand, TrackCommand
 from treadline.hardware._guard_client import GuardClient
-from treadline.hardware.ports import StickReading
 
 WAIT_S = 0.2 * TICK_S
 """Longest sleep before reports are read again [s]."""
@@ -53,12 +52,8 @@ class CameraThread:
 
     def take(self, start_s: float) -> list[RgbdFrame]:
         """Return the frames since the last call, on a clock that is zero at ``start_s`` of the monotonic one; none from before."""
-        taken = []
-        while self._waiting:
-            frame = self._waiting.popleft()
-            if frame.t_s >= start_s:
-                taken.append(replace(frame, t_s=frame.t_s - start_s))
-        return taken
+        taken = [self._waiting.popleft() for _ in range(len(self._waiting))]
+        return [replace(frame, t_s=frame.t_s - start_s) for frame in taken if frame.t_s >= start_s]
 
     @property
     def is_measured(self) -> bool:
@@ -85,6 +80,7 @@ class CameraThread:
         try:
             for named in self._frames:
                 if named.frame is not None:
+                    self._check_clock(named.frame.t_s)
                     self._stamps_s.append(named.frame.t_s)
                     self._offsets_s.append(time.monotonic() - named.frame.t_s)
                     self._waiting.append(replace(named.frame, t_s=named.frame.t_s + min(self._offsets_s)))
@@ -95,6 +91,11 @@ class CameraThread:
             self.error = str(error)
         except Exception as error:  # noqa: BLE001 - a driver of the user may raise anything
             self.error = f"the camera's driver failed: {type(error).__name__}: {error}"
+
+    def _check_clock(self, t_s: float) -> None:
+        """Raise where the device's clock went back: the offset of its stamps is unknown then."""
+        if self._stamps_s and t_s < self._stamps_s[-1]:
+            raise CameraError(f"its clock went back by {self._stamps_s[-1] - t_s:.2f} s; connect it anew and start again")
 
 
 class RobotPlant:
@@ -112,7 +113,6 @@ class RobotPlant:
     def __init__(self, client: GuardClient, start_s: float, camera: CameraThread | None = None) -> None:
         self._client, self._start_s, self._camera = client, start_s, camera
         self._until_s = 0.0
-        self._camera_error: str | None = None
 
     def start(self) -> None:
         """Do nothing: the chair stands where it stands."""
@@ -129,10 +129,9 @@ class RobotPlant:
         frames: list[Any] = []
         if self._camera is not None:
             frames = self._camera.take(self._start_s)
-            if self._camera.error != self._camera_error:
-                self._camera_error = self._camera.error
-                self._client.hold(f"camera: {self._camera_error}")
-        return [*(reading for reading in self._client.readings(self._until_s) if not isinstance(reading, StickReading)), *frames]
+            if self._camera.error is not None and self._client.holding is None:
+                self._client.hold(f"camera: {self._camera.error}")
+        return [*self._client.readings(self._until_s), *frames]
 
     def write(self, tracks: TrackCommand, seat: SeatCommand, flipper: FlipperCommand | None = None) -> None:
         """Do nothing: the guard process has commanded the drives."""

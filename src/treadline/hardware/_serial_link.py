@@ -11,15 +11,16 @@ import time
 from collections.abc import Sequence
 
 import serial
+from serial.tools.list_ports import comports
 
 from treadline.core.errors import LinkError
 from treadline.core.signals import FlipperReading, ImuSample, OperatorInput, SeatReading
 from treadline.hardware import _frame as frame
-from treadline.hardware._frame import BoxState, Cause, Flag, FrameReader, HostMessage, Kind, Present, Reply, counts
+from treadline.hardware._frame import BoxState, Cause, Flag, FrameReader, HostMessage, Kind, Present, Reply
 from treadline.hardware.ports import BoxReading, DriveLimits, DriveState
 
 SPEAKS_S = 2.0
-"""Time after opening within which a box must have sent a whole frame [s]: boards that restart when their port opens take one."""
+"""Time without a message after which a device counts as silent [s]: boards that restart when their port opens take one."""
 MOVE_VALID_S = 0.1
 """Time for which rates of seat and flipper are valid [s], see ``JointLink``."""
 CHUNK = 65536
@@ -29,6 +30,69 @@ ERRORS = {
     Cause.DEAD_MAN: "the dead-man switch at the box was released",
     Cause.BUTTON: "the stop button at the box was pressed",
 }
+PROBLEMS = {
+    "lock": "is in use by another program; end it, or give another port",
+    "Permission": "needs a permission: add yourself to its group (ls -l {port}), for example: sudo usermod -aG dialout $USER",
+    "No such file": "does not exist; connect the device, and look for its port with: python -m serial.tools.list_ports",
+    "": "cannot be opened: {error}; give the device of a serial line",
+}
+"""Remedies by a word of the system's error."""
+
+
+class SerialLine:
+    """Serial line whose calls return at once.
+
+    Args:
+        port: Device of the line, for example /dev/ttyACM0.
+        baud: Bit rate; USB devices ignore it.
+
+    Raises:
+        LinkError: If the port is missing, busy, not permitted, or one of two devices with one id.
+    """
+
+    def __init__(self, port: str, baud: int) -> None:
+        self._port = port
+        _check_only_one(port)
+        try:
+            self._line = serial.Serial(port, baud, timeout=0, write_timeout=0, exclusive=True)
+        except (serial.SerialException, OSError, ValueError) as error:
+            remedy = next(remedy for word, remedy in PROBLEMS.items() if word in str(error))
+            raise LinkError(f"{port} {remedy.format(port=port, error=error)}") from error
+
+    def read(self) -> bytes:
+        """Return the bytes that have arrived.
+
+        Raises:
+            LinkError: If the device has gone.
+        """
+        try:
+            return bytes(self._line.read(CHUNK))
+        except (serial.SerialException, OSError, TypeError) as error:
+            raise LinkError(f"the device at {self._port} has gone ({error}); connect it and start again") from error
+
+    def write(self, data: bytes) -> None:
+        """Write bytes; a line that takes none, or has gone, is reported by ``read`` and by the device's silence.
+
+        pyserial's own ``write`` waits for a full line for ever, with a busy core, even if its timeout is zero.
+        """
+        with contextlib.suppress(serial.SerialException, OSError):
+            os.write(self._line.fileno(), data)
+
+    def close(self) -> None:
+        """Release the port."""
+        self._line.close()
+
+
+def _check_only_one(port: str) -> None:
+    """Raise where another USB device has the id of this one: which of them has the port changes with each connection."""
+    if "by-path" in port:
+        return
+    found = {info.device: (info.vid, info.pid, info.serial_number, str(info.location).partition(":")[0]) for info in comports()}
+    vid, pid, number, socket = found.get(os.path.realpath(port), (None, None, None, ""))
+    if number and any(other[:3] == (vid, pid, number) and other[3] != socket for other in found.values()):
+        raise LinkError(
+            f"{port}: two devices have the USB id {vid:04x}:{pid:04x} {number}; unplug one, or give its /dev/serial/by-path"
+        )
 
 
 class SerialLink:
@@ -46,15 +110,12 @@ class SerialLink:
     def __init__(self, *, port: str, limits: DriveLimits | None = None, baud: int = 115_200) -> None:
         self._port, self._opened_s = port, time.monotonic()
         self._limits = None if limits is None else frame.limit_values(limits)
-        try:
-            self._line = serial.Serial(port, baud, timeout=0, write_timeout=0, exclusive=True)
-        except (serial.SerialException, OSError, ValueError) as error:
-            raise LinkError(_open_problem(port, error)) from error
+        self._line = SerialLine(port, baud)
         self._reader, self._has_spoken = FrameReader(), False
         self._sender, self._sequence = random.randrange(1, 2**16), 0
         self._state: BoxState | None = None
         self._was_armed = False
-        self._joints, self._joints_s = (0, 0), -math.inf
+        self._joints, self._joints_s = (0.0, 0.0), -math.inf
 
     def poll(self) -> Sequence[BoxReading]:
         """Return the readings since the last call, and hand the limits to a box that has none.
@@ -62,12 +123,8 @@ class SerialLink:
         Raises:
             LinkError: If the device has gone, is no box, or speaks another version.
         """
-        try:
-            received = self._line.read(CHUNK)
-        except (serial.SerialException, OSError, TypeError) as error:
-            raise LinkError(f"the box at {self._port} has gone ({error}); connect it and start again") from error
-        now_s, readings = time.monotonic(), list[BoxReading]()
-        states = [state for content in self._reader.feed(received) if (state := frame.state_of(content)) is not None]
+        contents, now_s, readings = self._reader.feed(self._line.read()), time.monotonic(), list[BoxReading]()
+        states = [state for content in contents if (state := frame.state_of(content)) is not None]
         for state in states:
             # Of states that arrived together the older ones are older by the box's clock, unless it has started anew.
             t_s = now_s - max((states[-1].now_ms - state.now_ms) * frame.MILLI, 0.0)
@@ -89,11 +146,11 @@ class SerialLink:
         if not (math.isfinite(left_m_s) and math.isfinite(right_m_s)):
             self.stop()
             return
-        self._send(Kind.DRIVE, (counts(left_m_s, frame.BELT_M_S), counts(right_m_s, frame.BELT_M_S), *self._rates(), 0, 0))
+        self._send(Kind.DRIVE, (*frame.counts("drive", (left_m_s, right_m_s, *self._rates())), 0, 0))
 
     def hold(self) -> None:
         """Ramp to zero and stand braked."""
-        self._send(Kind.HOLD, (0, 0, *self._rates(), 0, 0))
+        self._send(Kind.HOLD, (*frame.counts("drive", (0.0, 0.0, *self._rates())), 0, 0))
 
     def stop(self) -> None:
         """Stop at once, latched until ``rearm``."""
@@ -106,17 +163,16 @@ class SerialLink:
     def move(self, seat_m_s: float, flipper_rad_s: float) -> None:
         """Set the rates of seat and flipper, which travel with the next ``send`` or ``hold``; not a number stops both."""
         is_finite = math.isfinite(seat_m_s) and math.isfinite(flipper_rad_s)
-        self._joints = (counts(seat_m_s, frame.SEAT_M), counts(flipper_rad_s, frame.FLIPPER_RAD_S)) if is_finite else (0, 0)
+        self._joints = (seat_m_s, flipper_rad_s) if is_finite else (0.0, 0.0)
         self._joints_s = time.monotonic()
 
     def close(self) -> None:
         """Stop the box and release the port."""
-        if self._line.is_open:
-            self.stop()
-            self._line.close()
+        self.stop()
+        self._line.close()
 
-    def _rates(self) -> tuple[int, int]:
-        return self._joints if time.monotonic() - self._joints_s <= MOVE_VALID_S else (0, 0)
+    def _rates(self) -> tuple[float, float]:
+        return self._joints if time.monotonic() - self._joints_s <= MOVE_VALID_S else (0.0, 0.0)
 
     def _set_limits(self, limits: tuple[int, ...]) -> None:
         """Send the limits to a box that stands and has others: it accepts a re-arm afterwards."""
@@ -125,10 +181,7 @@ class SerialLink:
             self._send(Kind.LIMITS, limits)
 
     def _send(self, kind: Kind, values: tuple[int, ...] = (0,) * frame.VALUES) -> None:
-        """Write a message; a line that takes no bytes, or has gone, is reported by ``poll`` and by the box's silence.
-
-        pyserial's own ``write`` waits for a full line for ever, with a busy core, even if its timeout is zero.
-        """
+        """Write a message, unless only sensors are read."""
         if self._limits is None:
             return
         self._sequence = (self._sequence + 1) % 2**16
@@ -136,8 +189,7 @@ class SerialLink:
         message = HostMessage(
             kind=kind, sender=self._sender, sequence=self._sequence, stamp_ms=stamp_ms, latch=latch, values=values
         )
-        with contextlib.suppress(serial.SerialException, OSError):
-            os.write(self._line.fileno(), message.frame())
+        self._line.write(message.frame())
 
     def _error(self, state: BoxState) -> str | None:
         """Return the error of a state in one line."""
@@ -157,31 +209,23 @@ class SerialLink:
         return ERRORS.get(state.cause)
 
 
-def _open_problem(port: str, error: Exception) -> str:
-    """Return why a port cannot be opened, with the remedy."""
-    text = str(error)
-    if "lock" in text:
-        return f"{port} is in use by another program; end it, or give another port"
-    if "Permission" in text:
-        return (
-            f"no permission to open {port}; add yourself to its group (ls -l {port}), for example: sudo usermod -aG dialout $USER"
-        )
-    if "No such file" in text:
-        return f"no device {port}; connect the box, and look for its port with: python -m serial.tools.list_ports"
-    return f"{port} cannot be opened: {text}; give the device of a serial line"
-
-
 def _sensor_readings(state: BoxState, t_s: float) -> list[BoxReading]:
     """Return the readings of the sensors that the box has."""
     readings: list[BoxReading] = []
-    if Present.IMU in state.present:
-        readings.append(_imu_sample(state, t_s))
+    if Present.IMU in state.present:  # mounted along the axes of the chair
+        sample = ImuSample(
+            t_s=t_s,
+            orientation=frame.physical("orientation", state.orientation),
+            angular_velocity_rad_s=frame.physical("rates", state.rates),
+            linear_acceleration_m_s2=frame.physical("accelerations", state.accelerations),
+        )
+        readings.append(sample)
     if Present.SEAT in state.present:
-        pitch, stroke = state.seat
-        readings.append(SeatReading(t_s=t_s, pitch_rad=pitch * frame.RAD, stroke_m=stroke * frame.SEAT_M))
+        pitch_rad, stroke_m = frame.physical("seat", state.seat)
+        readings.append(SeatReading(t_s=t_s, pitch_rad=pitch_rad, stroke_m=stroke_m))
     if Present.FLIPPER in state.present:
-        angle, torque = state.flipper
-        readings.append(FlipperReading(t_s=t_s, angle_rad=angle * frame.RAD, torque_n_m=torque * frame.TORQUE_N_M))
+        angle_rad, torque_n_m = frame.physical("flipper", state.flipper)
+        readings.append(FlipperReading(t_s=t_s, angle_rad=angle_rad, torque_n_m=torque_n_m))
     if Present.HANDSET in state.present:
         buttons = {"stop": Flag.STOP, "rearm": Flag.REARM, "flight_ends": Flag.FLIGHT_ENDS, "go_back": Flag.GO_BACK}
         pressed = {name: flag in state.flags for name, flag in buttons.items()}
@@ -190,27 +234,15 @@ def _sensor_readings(state: BoxState, t_s: float) -> list[BoxReading]:
 
 
 def _drive_state(state: BoxState, t_s: float, error: str | None) -> DriveState:
-    left, right = state.belts
+    left_m_s, right_m_s = frame.physical("belts", state.belts)
+    (voltage_v,) = frame.physical("voltage", [state.voltage_mv])
     return DriveState(
         t_s=t_s,
         box_s=state.now_ms * frame.MILLI,
-        left_m_s=left * frame.BELT_M_S,
-        right_m_s=right * frame.BELT_M_S,
+        left_m_s=left_m_s,
+        right_m_s=right_m_s,
         watchdog_tripped=state.cause == Cause.WATCHDOG,
         latched=state.cause != Cause.ARMED,
         error=error,
-        voltage_v=state.voltage_mv * frame.MILLI if Present.VOLTAGE in state.present else None,
-    )
-
-
-def _imu_sample(state: BoxState, t_s: float) -> ImuSample:
-    """Return the inertial sample of a state, whose sensor is mounted along the axes of the chair."""
-    w, x, y, z = (part * frame.QUATERNION for part in state.orientation)
-    about_x, about_y, about_z = (rate * frame.RAD for rate in state.rates)
-    along_x, along_y, along_z = (part * frame.MILLI for part in state.accelerations)
-    return ImuSample(
-        t_s=t_s,
-        orientation=(w, x, y, z),
-        angular_velocity_rad_s=(about_x, about_y, about_z),
-        linear_acceleration_m_s2=(along_x, along_y, along_z),
+        voltage_v=voltage_v if Present.VOLTAGE in state.present else None,
     )

@@ -4,38 +4,36 @@
 run but without ground truth.
 """
 
-import math
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from treadline.core.angles import DEG
+from treadline.core.camera_images import RgbdFrame
 from treadline.core.errors import SettingsError
 from treadline.core.models import ControllerDesign
-from treadline.core.own_modules import own_module
-from treadline.core.signals import TICK_S, Event
+from treadline.core.signals import Event
 from treadline.estimation import FilterConfig
 from treadline.guard import GuardConfig
 from treadline.hardware._arming import Arming, BenchSession
 from treadline.hardware._guard_client import GuardClient
+from treadline.hardware._links import open_driver
 from treadline.hardware._real_time import LOOP, real_time
 from treadline.hardware._robot_plant import CameraThread, RobotPlant
-from treadline.hardware.ports import StickReading
 from treadline.hardware.robot_file import RobotFile
-from treadline.io.live import CAMERAS, camera_by_name
+from treadline.io.live import CAMERAS
 from treadline.io.live.stream import LiveFrames
 from treadline.io.mcap_log import RunLog
 from treadline.io.runs import LOG, begin_run, log_metadata, write_result, write_series
 from treadline.mission.loop import Mission, Tick
 from treadline.mission.mission_blocks import build_blocks, guard_config, warm_up
 from treadline.mission.mission_config import MissionConfig
+from treadline.playback import read_recording
 from treadline.run.scene_log import SceneLog
 from treadline.scenario.camera_file import read_camera
-from treadline.scenario.chair import ChairDescription, read_chair
+from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair
 from treadline.scenario.shipped_files import shipped_controller
 
@@ -48,9 +46,8 @@ class Robot:
     """A chair as it is driven: its file, its limits and its mission."""
 
     file: RobotFile
-    chair: ChairDescription
-    """Chair, with the limits of the robot file where these are lower."""
     mission: MissionConfig
+    """Mission, with the limits of the robot file where these are lower than those of the chair."""
 
     @classmethod
     def of(cls, file: RobotFile) -> "Robot":
@@ -73,7 +70,7 @@ class Robot:
             flights=asked.flights,
             reports_ground=True,
         )
-        return cls(file=file, chair=limited, mission=mission)
+        return cls(file=file, mission=mission)
 
     def bench_config(self) -> GuardConfig:
         """Limits of the guard without a mission: a person commands the belts, slowly."""
@@ -100,17 +97,13 @@ def camera_of(file: RobotFile) -> CameraThread:
     """Return the running camera of a chair.
 
     Raises:
-        SettingsError: If the robot file names none, or its class does not exist.
+        SettingsError: If the robot file names none.
+        LinkError: If its class does not exist.
     """
     if file.camera is None:
         raise SettingsError("no [camera] in the robot file, and only --bench drives without one; add source and calibration")
-    module, _, name = file.camera.source.partition(":")
-    try:
-        options = file.camera.model_extra or {}
-        camera = getattr(own_module(module), name)(**options) if name else camera_by_name(file.camera.source)
-    except (ImportError, AttributeError, TypeError) as error:
-        known = ", ".join(CAMERAS)
-        raise SettingsError(f"camera.source is '{file.camera.source}': {error}; give {known} or module:Class") from None
+    source, options = file.camera.source, file.camera.model_extra or {}
+    camera = open_driver("camera", {"class": ":".join(CAMERAS.get(source, [source])), "options": options})
     return CameraThread(LiveFrames(camera, calibration=read_camera(Path(file.camera.calibration)), colour=True))
 
 
@@ -121,7 +114,7 @@ def _recorded(robot: Robot, out: Path, config: GuardConfig, images: int) -> Iter
     manifest = begin_run(out, settings, 0, robot.mission.controller, guard=asdict(config))
     with (
         RunLog(out / LOG, image_every=images, metadata=log_metadata(manifest, None, out)) as log,
-        SceneLog(log, robot.chair, Chair(payload_kg=robot.mission.payload_kg)) as scene,
+        SceneLog(log, robot.mission.chair, Chair(payload_kg=robot.mission.payload_kg)) as scene,
     ):
         yield scene
 
@@ -132,17 +125,14 @@ def record(file: RobotFile, out: Path, seconds: float) -> dict[str, Any]:
     Raises:
         TreadlineError: If a device does not open, or is lost.
     """
-    robot = Robot.of(file)
+    robot = Robot.of(file.model_copy(update={"handset": None}))
     config, count = robot.bench_config(), 0
     camera = None if file.camera is None else camera_of(file)
     with _connected(robot, camera) as client, _recorded(robot, out, config, 1) as scene:
-        session = BenchSession(client, config, "recording without motion", _without_sticks(scene), rearms=False)
+        session = BenchSession(client, config, "recording without motion", scene, camera=camera, rearms=False)
         with suppress(KeyboardInterrupt):
             while session.t_s < seconds:
-                session.tick()
-                for frame in () if camera is None else camera.take(session.start_s):
-                    scene(frame, session.t_s)
-                    count += 1
+                count += sum(isinstance(reading, RgbdFrame) for reading in session.tick())
     return _ended(out, "time_up", None, session.t_s, []) | {"frames": count}
 
 
@@ -158,8 +148,8 @@ def bench(file: RobotFile, out: Path, seconds: float, say: Callable[[str], None]
     robot = Robot.of(file)
     events: list[Event] = []
     with _connected(robot, None, say) as client, _recorded(robot, out, config, 0) as scene:
-        session = BenchSession(client, config, "not armed", _declared(_without_sticks(scene), events, say))
-        arming = Arming(session, client, file, robot.chair, say)
+        session = BenchSession(client, config, "not armed", _declared(scene, events, say))
+        arming = Arming(session, client, file, robot.mission.chair, say)
         arming.sensors(None)
         arming.dead_man()
         arming.signs()
@@ -167,8 +157,7 @@ def bench(file: RobotFile, out: Path, seconds: float, say: Callable[[str], None]
         end_s = session.t_s + seconds
         with suppress(KeyboardInterrupt):
             while session.t_s < end_s:
-                stick = session.newest.get(StickReading)
-                speed, turn = (0.0, 0.0) if stick is None else (stick.speed, stick.turn)
+                speed, turn = client.stick.speed, client.stick.turn
                 session.tick(config.belt_limit_m_s * (speed - turn), config.belt_limit_m_s * (speed + turn))
     return _ended(out, "time_up", None, session.t_s, events)
 
@@ -186,10 +175,9 @@ def drive(file: RobotFile, out: Path, seconds: float, say: Callable[[str], None]
     blocks = build_blocks(robot.mission)
     warm_up(robot.mission)
     events: list[Event] = []
-    headings: list[float] = []
-    camera = camera_of(file)
+    camera, t_s = camera_of(file), 0.0
     with _connected(robot, camera, say) as client:
-        arming = Arming(BenchSession(client, robot.bench_config(), "not armed"), client, file, robot.chair, say)
+        arming = Arming(BenchSession(client, robot.bench_config(), "not armed"), client, file, robot.mission.chair, say)
         arming.sensors(camera)
         arming.dead_man()
         if not arming.signs():
@@ -203,11 +191,10 @@ def drive(file: RobotFile, out: Path, seconds: float, say: Callable[[str], None]
             with mission.watchdog, suppress(KeyboardInterrupt):
                 while over is None:
                     tick = mission.tick()
+                    t_s = tick.t_s
                     scene.plan(tick.plan)
-                    headings.append(math.nan if tick.estimate is None else tick.estimate.heading_rad / DEG)
                     over = _ending(tick, client.lost, seconds)
-    write_series(out, {"t_s": np.arange(len(headings)) * TICK_S, "estimate_deg": np.array(headings)})
-    return _ended(out, *(over or ("ended", "by the operator")), len(headings) * TICK_S, events)
+    return _ended(out, *(over or ("ended", "by the operator")), t_s, events)
 
 
 def _ending(tick: Tick, lost: str | None, seconds: float) -> tuple[str, str | None] | None:
@@ -217,11 +204,6 @@ def _ending(tick: Tick, lost: str | None, seconds: float) -> tuple[str, str | No
     if tick.plan.phase in ("arrived", "refused"):
         return tick.plan.phase, tick.plan.cause or None
     return ("time_up", None) if tick.t_s > seconds else None
-
-
-def _without_sticks(sink: Callable[[Any, float], None]) -> Callable[[Any, float], None]:
-    """Return a sink without the handset's stick, which is no signal of a log."""
-    return lambda signal, t_s: None if isinstance(signal, StickReading) else sink(signal, t_s)
 
 
 def _declared(sink: Callable[[Any, float], None], events: list[Event], say: Callable[[str], None]) -> Callable[[Any, float], None]:
@@ -249,7 +231,11 @@ def _connected(robot: Robot, camera: CameraThread | None, say: Callable[[str], N
 
 
 def _ended(out: Path, verdict: str, cause: str | None, duration_s: float, events: list[Event]) -> dict[str, Any]:
-    """Write and return the result of a run."""
+    """Write the result of a run and the time series that its page draws, as far as they were measured; return the result."""
     values = {"verdict": verdict, "cause": cause, "duration_s": duration_s, "events": [asdict(event) for event in events]}
     write_result(out, values)
+    run = read_recording(out)
+    (left_m_s, right_m_s), angles = run.belt_m_s.T, ("estimate", "pitch", "seat_pitch")
+    degrees = {f"{name}_deg": getattr(run, f"{name}_rad") / DEG for name in angles}
+    write_series(out, {"t_s": run.t_s, **degrees, "left_m_s": left_m_s, "right_m_s": right_m_s})
     return values

@@ -3,6 +3,7 @@
 ``ROBOT.toml -> RobotFile``. Speed limits have no default: a person who puts a chair on its belts enters them.
 """
 
+from os.path import realpath
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -16,6 +17,7 @@ from treadline.scenario.chair import read_chair
 LINKS = {
     "serial": "treadline.hardware._serial_link:SerialLink",
     "can": "treadline.hardware._can_link:CanSimpleLink",
+    "bno055": "treadline.hardware._bno055:Bno055Link",
     "keyboard": "treadline.hardware._handset:Keyboard",
     "gamepad": "treadline.hardware._handset:Gamepad",
 }
@@ -45,7 +47,7 @@ class LinkTable(Settings):
     model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False, strict=True)
 
     link: str
-    """Name or class: serial, can, keyboard, gamepad, module:Class; drives or imu for a device that the link of that table reads."""
+    """Name or class: serial, can, bno055, keyboard, gamepad, module:Class; drives or imu where that table's link reads it."""
 
     @model_validator(mode="after")
     def _has_a_class(self) -> "LinkTable":
@@ -105,7 +107,8 @@ class RobotFile(Settings):
     imu: LinkTable
     joints: LinkTable | None = None
     """Seat and flipper. None: a chair without them."""
-    handset: LinkTable
+    handset: LinkTable | None = None
+    """Required for a drive and the bench; a recording needs none."""
     signs: SignsTable = SignsTable()
     camera: CameraTable | None = None
     """Required for a drive; the bench needs none."""
@@ -120,8 +123,8 @@ class RobotFile(Settings):
                 raise ValueError(f"{name}.link is '{table.link}', which is no table before; give serial, can, or module:Class")
             opened.add(name)
             port = (table.model_extra or {}).get("port")
-            if table.link not in SHARED and port is not None and seen.setdefault(str(port), name) != name:
-                raise ValueError(f"{name}.port is '{port}', which {seen[str(port)]} opens; write {name}.link = '{seen[str(port)]}'")
+            if table.link not in SHARED and port is not None and (other := seen.setdefault(realpath(str(port)), name)) != name:
+                raise ValueError(f"{name}.port is '{port}', which {other} opens; write {name}.link = '{other}'")
         return self
 
     @property

@@ -1,25 +1,23 @@
 """Command line of the emulators: ``python -m treadline.hardware.emulators serial``."""
 
-import math
 import os
 import select
 import sys
+import time
 from pathlib import Path
 from typing import Literal
 
 import cyclopts
 
 from treadline.core.errors import TreadlineError
+from treadline.core.signals import TICK_S
 from treadline.hardware._real_time import LOOP, real_time
 from treadline.hardware.emulators._can import CanAxes
 from treadline.hardware.emulators._chair import EmulatedChair
-from treadline.hardware.emulators._clock import TickPacer
 from treadline.hardware.emulators._faults import KINDS, Faults
 from treadline.hardware.emulators._serial import SerialBox, Terminal
 from treadline.hardware.emulators.camera import FrameFile
 
-NODES = (1, 2)
-"""Node ids of the emulated axes, left and right."""
 app = cyclopts.App(name="python -m treadline.hardware.emulators", help_epilogue=f"Faults: {KINDS}")
 
 
@@ -52,26 +50,24 @@ def emulate(
         pace: Emulated seconds in a second of the wall clock.
     """
     faults = Faults(fault or [])
-    chair = EmulatedChair(scenario, seed, faults, FrameFile(port))
-    terminal = Terminal(port)
-    box: SerialBox | CanAxes
-    if link == "serial":
-        box = SerialBox(chair, faults, terminal)
-    else:
-        turn_m = math.tau * chair.chair.tracks.pulley_radius_m
-        bus = {"interface": "udp_multicast", "channel": channel, "port": udp_port, "fd": False}
-        box = CanAxes(chair, faults, terminal, NODES, turn_m, bus)
-    _say(f"chair at {port}{'' if link == 'serial' else f', drives on {channel}'}; Ctrl-C ends it")
-    pacer = TickPacer(pace)
+    chair, terminal = EmulatedChair(scenario, seed, faults, FrameFile(port)), Terminal(port)
+    bus = {"interface": "udp_multicast", "channel": channel, "port": udp_port, "fd": False}
+    is_serial = link == "serial"
+    box = SerialBox(chair, faults, terminal) if is_serial else CanAxes(chair, faults, terminal, bus)
+    _say(f"chair at {port}{'' if is_serial else f', drives on {channel}'}; Ctrl-C ends it")
+    due_s = time.monotonic()
     with real_time(LOOP) as granted:  # a chair does not slow down with the computer that drives it
         _say(granted)
         while True:
             for line in _typed():
                 faults.type(line, chair.t_s)
                 _say(f"{chair.t_s:.2f} s: fault {line or 'none'}")
+            t_s = chair.t_s
             for event in box.step():
-                _say(event)
-            pacer.wait()
+                _say(f"{t_s:.2f} s: {event}")
+            # A late tick delays all later ones: a busy computer slows the chair down and does not leave it without commands.
+            due_s = max(due_s + TICK_S / pace, time.monotonic())
+            time.sleep(max(due_s - time.monotonic(), 0.0))
 
 
 def _typed() -> list[str]:

@@ -3,22 +3,25 @@
 CANSimple has neither stamps nor senders, so an axis judges commands by their arrival alone.
 """
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
 import can
 
-from treadline.core.errors import LinkError
 from treadline.hardware import _can_simple as simple
 from treadline.hardware import _frame as frame
+from treadline.hardware._can_link import open_bus
 from treadline.hardware._can_simple import CanCommand
-from treadline.hardware._frame import Cause, HostMessage, Kind, counts
+from treadline.hardware._frame import Cause, HostMessage, Kind
 from treadline.hardware.emulators._chair import EmulatedChair
 from treadline.hardware.emulators._faults import Faults, FaultyLine
 from treadline.hardware.emulators._firmware import DriveBox, Outputs, Readings
 from treadline.hardware.emulators._serial import SOUND, TICK_MS, Terminal
 from treadline.hardware.ports import DriveLimits
 
+NODES = (1, 2)
+"""Node ids of the axes, left and right, whose motors turn the chair's pulleys directly."""
 HEARTBEAT_TICKS = 2
 """Ticks between two heartbeats: the configuration that docs/reference/firmware.md asks for."""
 VERSION = bytes([simple.PROTOCOL, 4, 4, 58, 0, 6, 10, 0])
@@ -35,7 +38,7 @@ class EmulatedAxis:
     """
 
     def __init__(self, node: int, turn_m: float, limits: tuple[int, ...], *, has_watchdog: bool) -> None:
-        self._node, self._cause = node, Cause.START
+        self._node = node
         self._turn_m, self._limits, self._has_watchdog = turn_m, limits, has_watchdog
         self.start()
 
@@ -57,7 +60,7 @@ class EmulatedAxis:
         """Obey a message of the host."""
         match command:
             case CanCommand.SET_INPUT_VEL:
-                speed, limit = counts(simple.FLOATS.unpack(content)[0] * self._turn_m, frame.BELT_M_S), self._limits[0]
+                (speed,), limit = frame.counts("belts", [simple.FLOATS.unpack(content)[0] * self._turn_m]), self._limits[0]
                 self._newest = Kind.DRIVE, (max(-limit, min(speed, limit)), 0, 0, 0, 0, 0)
                 self._pass(*self._newest)
             case CanCommand.ESTOP:
@@ -73,12 +76,9 @@ class EmulatedAxis:
         state = simple.CLOSED_LOOP if self._box.state.cause == Cause.ARMED else simple.IDLE
         return simple.HEARTBEAT.pack(self._error, state, 0, 0)
 
-    def events(self, t_s: float) -> Iterator[str]:
-        """Yield a line if the axis was stopped or armed."""
-        state = self._box.state
-        if state.cause != self._cause:
-            self._cause = state.cause
-            yield f"{t_s:.2f} s: axis {self._node} {state.cause.name}, newest command {state.now_ms - state.heard_ms} ms old"
+    def events(self) -> list[str]:
+        """Return a line if the axis was stopped or armed."""
+        return [f"axis {self._node} {event}" for event in self._box.events()]
 
     @property
     def _error(self) -> int:
@@ -97,30 +97,17 @@ class CanAxes:
     """Both axes between a CAN bus and a chair, whose sensors are on a serial line.
 
     Args:
-        nodes: Node ids, left and right.
-        turn_m: Travel of a belt in a turn of its motor [m].
         options: Interface, channel and further options of python-can's bus.
     """
 
-    def __init__(
-        self,
-        chair: EmulatedChair,
-        faults: Faults,
-        terminal: Terminal,
-        nodes: tuple[int, int],
-        turn_m: float,
-        options: dict[str, Any],
-    ) -> None:
-        self._chair, self._faults, self._terminal, self._turn_m = chair, faults, terminal, turn_m
-        try:
-            self._bus = can.Bus(**options)
-        except (can.CanError, OSError, ValueError, ImportError) as error:
-            raise LinkError(f"no CAN bus with {options} ({error}); correct interface and channel") from error
-        self._line: FaultyLine[can.Message] = FaultyLine(faults, _dropped)
+    def __init__(self, chair: EmulatedChair, faults: Faults, terminal: Terminal, options: dict[str, Any]) -> None:
+        self._chair, self._faults, self._terminal = chair, faults, terminal
+        self._bus, self._turn_m = open_bus(**options), math.tau * chair.chair.tracks.pulley_radius_m
+        self._line: FaultyLine[can.Message] = FaultyLine(faults, lambda *_: [])  # a bus drops a broken message
         drives = chair.chair.drives
         limits = DriveLimits(speed_m_s=drives.max_speed_m_s, acceleration_m_s2=drives.max_acceleration_m_s2, watchdog_s=0.1)
         values, has_watchdog = frame.limit_values(limits), not faults.active("no_watchdog", 0.0)
-        self._axes = {node: EmulatedAxis(node, turn_m, values, has_watchdog=has_watchdog) for node in nodes}
+        self._axes = {node: EmulatedAxis(node, self._turn_m, values, has_watchdog=has_watchdog) for node in NODES}
         self._sensors = DriveBox()
 
     def step(self) -> Iterator[str]:
@@ -136,7 +123,7 @@ class CanAxes:
         for side, axis in enumerate(self._axes.values()):
             moved = axis.tick()
             outputs.belts_um_s[side], outputs.brake = moved.belts_um_s[0], outputs.brake and moved.brake
-            yield from axis.events(t_s)
+            yield from axis.events()
         self._report(self._chair.step(outputs))
 
     def _received(self) -> list[can.Message]:
@@ -161,17 +148,14 @@ class CanAxes:
         """Send estimates, heartbeats and the voltage."""
         self._terminal.write(self._sensors.frame(readings))
         is_even = round(1000 * self._chair.t_s) // TICK_MS % HEARTBEAT_TICKS == 0
-        for (node, axis), belt in zip(self._axes.items(), readings.belts, strict=True):
-            self._write(node, CanCommand.ENCODER_ESTIMATES, simple.FLOATS.pack(0.0, belt * frame.BELT_M_S / self._turn_m))
+        (voltage_v,) = frame.physical("voltage", [readings.voltage_mv])
+        for (node, axis), belt_m_s in zip(self._axes.items(), frame.physical("belts", readings.belts), strict=True):
+            self._write(node, CanCommand.ENCODER_ESTIMATES, simple.FLOATS.pack(0.0, belt_m_s / self._turn_m))
             if is_even:
                 self._write(node, CanCommand.HEARTBEAT, axis.heartbeat)
-                self._write(node, CanCommand.BUS_VOLTAGE, simple.FLOATS.pack(readings.voltage_mv * frame.MILLI, 0.0))
+                self._write(node, CanCommand.BUS_VOLTAGE, simple.FLOATS.pack(voltage_v, 0.0))
 
     def _write(self, node: int, command: CanCommand, content: bytes) -> None:
         if not self._faults.active("unplugged", self._chair.t_s):
             identifier = node << simple.COMMAND_BITS | command
             self._bus.send(can.Message(arbitration_id=identifier, data=content, is_extended_id=False))
-
-
-def _dropped(_kind: str, _message: can.Message) -> None:
-    """Drop a message that a fault spoilt, as the controllers of a bus do."""

@@ -17,7 +17,7 @@ from treadline.core.signals import (
     TrackReading,
 )
 from treadline.hardware import _frame as frame
-from treadline.hardware._frame import Present, counts
+from treadline.hardware._frame import Present
 from treadline.hardware.emulators._faults import Faults
 from treadline.hardware.emulators._firmware import Outputs, Readings
 from treadline.hardware.emulators.camera import FrameFile
@@ -38,7 +38,8 @@ class EmulatedChair:
         self._plant = setup.open_plant()
         self._plant.start()
         self._faults, self._camera, self._ticks = faults, camera, 0
-        self._readings = Readings(voltage_mv=round(self._voltage_v() / frame.MILLI), present=Present.VOLTAGE)
+        full_v = 0.0 if self.chair.battery is None else self.chair.battery.full_v
+        self._readings = Readings(voltage_mv=frame.counts("voltage", [full_v])[0], present=Present.VOLTAGE)
 
     @property
     def t_s(self) -> float:
@@ -48,11 +49,12 @@ class EmulatedChair:
     def step(self, outputs: Outputs) -> Readings:
         """Drive for one tick and return what the box measures at its end."""
         t_s = self.t_s
-        left, right = self._wired(*(speed * frame.SET_POINT_M_S for speed in outputs.belts_um_s))
+        left, right = self._wired(*frame.physical("set_points", outputs.belts_um_s))
+        _, _, seat_m_s, flipper_rad_s = frame.physical("drive", (0, 0, outputs.seat, outputs.flipper))
         self._plant.write(
             TrackCommand(t_s=t_s, left_m_s=left, right_m_s=right, brake=outputs.brake),
-            SeatCommand(t_s=t_s, rate_m_s=outputs.seat * frame.SEAT_M),
-            FlipperCommand(t_s=t_s, rate_rad_s=outputs.flipper * frame.FLIPPER_RAD_S),
+            SeatCommand(t_s=t_s, rate_m_s=seat_m_s),
+            FlipperCommand(t_s=t_s, rate_rad_s=flipper_rad_s),
         )
         self._ticks += 1
         self._plant.advance(self.t_s)
@@ -68,25 +70,20 @@ class EmulatedChair:
 
     def _take(self, reading: object) -> None:
         """Write a reading in the units of the frame."""
-        to = self._readings
+        to, counts = self._readings, frame.counts
         match reading:
             case TrackReading():
-                to.belts[:] = [counts(speed, frame.BELT_M_S) for speed in self._wired(reading.left_m_s, reading.right_m_s)]
+                to.belts[:] = counts("belts", self._wired(reading.left_m_s, reading.right_m_s))
             case ImuSample() if not self._faults.active("imu_frozen", self.t_s):
                 to.present |= Present.IMU
-                to.orientation[:] = [counts(part, frame.QUATERNION) for part in reading.orientation]
-                to.rates[:] = [counts(rate, frame.RAD) for rate in reading.angular_velocity_rad_s]
-                to.accelerations[:] = [counts(part, frame.MILLI) for part in reading.linear_acceleration_m_s2]
+                to.orientation[:] = counts("orientation", reading.orientation)
+                to.rates[:] = counts("rates", reading.angular_velocity_rad_s)
+                to.accelerations[:] = counts("accelerations", reading.linear_acceleration_m_s2)
             case RgbdFrame() if not self._faults.active("camera_gone", self.t_s):
                 self._camera.write(reading)
             case SeatReading():
                 to.present |= Present.SEAT
-                to.seat[:] = counts(reading.pitch_rad, frame.RAD), counts(reading.stroke_m, frame.SEAT_M)
+                to.seat[:] = counts("seat", (reading.pitch_rad, reading.stroke_m))
             case FlipperReading():
                 to.present |= Present.FLIPPER
-                to.flipper[:] = counts(reading.angle_rad, frame.RAD), counts(reading.torque_n_m, frame.TORQUE_N_M)
-
-    def _voltage_v(self) -> float:
-        """Return the voltage of the full battery, 0 for a chair file without one."""
-        battery = self.chair.battery
-        return 0.0 if battery is None else battery.full_v
+                to.flipper[:] = counts("flipper", (reading.angle_rad, reading.torque_n_m))

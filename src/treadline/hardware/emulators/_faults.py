@@ -1,9 +1,11 @@
 """Faults of an emulated chair: on its line, in its box and in its wiring.
 
-A fault is written ``KIND@START`` or ``KIND@START=VALUE``, times on the emulator's clock [s], for example ``late@3=0.15``.
+A fault is written ``KIND``, ``KIND@START`` or ``KIND@START=VALUE``, times on the emulator's clock [s], for example ``late@3=0.15``.
 """
 
+import math
 import random
+import re
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -30,8 +32,7 @@ KINDS = {
     "right_reversed": "the right belt runs backwards",
 }
 """Kinds of faults and what each does."""
-FOR_GOOD_S = 1e9
-"""Duration of a fault without one [s]."""
+WRITTEN = re.compile(r"(?P<kind>\w+)(?:@(?P<start>[\d.]+))?(?:=(?P<value>[\d.]+))?")
 Item = TypeVar("Item")
 
 
@@ -41,7 +42,8 @@ class EmulatedFault:
 
     kind: str
     start_s: float
-    value: float = FOR_GOOD_S
+    value: float
+    """Duration or delay [s]; infinite for good."""
 
 
 class Faults:
@@ -52,17 +54,16 @@ class Faults:
     """
 
     def __init__(self, written: Sequence[str]) -> None:
-        self._faults = [_fault_of(text) for text in written]
+        self._faults = [_fault_of(text, 0.0) for text in written]
         self._done: set[EmulatedFault] = set()
 
     def type(self, line: str, t_s: float) -> None:
-        """Begin the fault that a person typed, written without a start; an empty line ends all faults.
+        """Begin the fault that a person typed, now unless it has a start; an empty line ends all faults.
 
         Raises:
             SettingsError: If there is no such kind.
         """
-        kind, _, value = line.strip().partition("=")
-        self._faults = [*self._faults, _fault_of(f"{kind}@{t_s}={value or FOR_GOOD_S}")] if kind else []
+        self._faults = [*self._faults, _fault_of(line.strip(), t_s)] if line.strip() else []
 
     def active(self, kind: str, t_s: float) -> bool:
         """Return whether a fault acts at a time."""
@@ -83,13 +84,13 @@ class FaultyLine(Generic[Item]):
     """Line from the host to the box, with faults.
 
     Args:
-        spoil: Returns a frame after ``half``, ``flipped`` or ``stuck``; None if the line drops it.
+        spoil: Returns what ``half``, ``flipped`` or ``stuck`` leaves of a frame: one, or none.
     """
 
-    def __init__(self, faults: Faults, spoil: Callable[[str, Item], Item | None]) -> None:
+    def __init__(self, faults: Faults, spoil: Callable[[str, Item], list[Item]]) -> None:
         self._faults, self._spoil = faults, spoil
         self._under_way: deque[tuple[float, Item]] = deque()
-        self._overtaken: Item | None = None
+        self._overtaken: list[Item] = []
 
     def carry(self, frames: Sequence[Item], t_s: float) -> list[Item]:
         """Accept the frames that the host sent until a time, and return those that reach the box by then."""
@@ -103,44 +104,34 @@ class FaultyLine(Generic[Item]):
 
     def _passed(self, frame: Item, t_s: float) -> list[Item]:
         """Return what a frame becomes on the line."""
-        if self._faults.active("unplugged", t_s):
+        active = self._faults.active
+        if active("unplugged", t_s):
             return []
-        for kind in ("half", "flipped"):
-            if self._faults.once(kind, t_s):
-                spoilt = self._spoil(kind, frame)
-                return [] if spoilt is None else [spoilt]
-        if self._faults.active("stuck", t_s):
-            spoilt = self._spoil("stuck", frame)
-            return [] if spoilt is None else [spoilt]
-        if not self._faults.active("swapped_frames", t_s):
+        spoilt = [kind for kind in ("half", "flipped") if self._faults.once(kind, t_s)] + ["stuck"] * active("stuck", t_s)
+        if spoilt:
+            return self._spoil(spoilt[0], frame)
+        if not active("swapped_frames", t_s):
             return [frame]
-        if self._overtaken is None:
-            self._overtaken = frame
-            return []
-        before, self._overtaken = self._overtaken, None
-        return [frame, before]
+        self._overtaken.append(frame)
+        passed, self._overtaken = (self._overtaken[::-1], []) if len(self._overtaken) == 2 else ([], self._overtaken)
+        return passed
 
 
-def spoilt_bytes(kind: str, frame: bytes) -> bytes:
+def spoilt_bytes(kind: str, frame: bytes) -> list[bytes]:
     """Return a frame of a serial line after a fault: cut, with a random bit flipped, or of one byte alone."""
-    if kind == "half":
-        return frame[: len(frame) // 2]
-    if kind == "stuck":
-        return b"\x55" * len(frame)
-    spoilt, bit = bytearray(frame), random.randrange(8 * len(frame))
-    spoilt[bit // 8] ^= 1 << bit % 8
-    return bytes(spoilt)
+    flipped = int.from_bytes(frame, "little") ^ 1 << random.randrange(8 * len(frame))
+    kinds = {"half": frame[: len(frame) // 2], "stuck": b"\x55" * len(frame), "flipped": flipped.to_bytes(len(frame), "little")}
+    return [kinds[kind]]
 
 
-def _fault_of(text: str) -> EmulatedFault:
-    """Return a fault as written."""
-    kind, _, times = text.partition("@")
-    start, _, value = times.partition("=")
+def _fault_of(text: str, start_s: float) -> EmulatedFault:
+    """Return a fault as written; without a start it begins at ``start_s``."""
+    written = WRITTEN.fullmatch(text)
+    if written is None:
+        raise SettingsError(f"fault '{text}' is not written as KIND, KIND@START or KIND@START=VALUE, for example late@3=0.15")
+    kind, start, value = written.group("kind", "start", "value")
     if kind not in KINDS:
         alike = closest(kind, KINDS)
         hint = f"; did you mean '{alike}'?" if alike else f"; kinds: {', '.join(KINDS)}"
         raise SettingsError(f"fault '{text}': no kind '{kind}'{hint}")
-    try:
-        return EmulatedFault(kind=kind, start_s=float(start), value=float(value) if value else FOR_GOOD_S)
-    except ValueError:
-        raise SettingsError(f"fault '{text}' has no times; write for example {kind}@3 or {kind}@3=0.15") from None
+    return EmulatedFault(kind=kind, start_s=float(start or start_s), value=float(value or math.inf))

@@ -12,7 +12,7 @@ from functools import cache
 from pathlib import Path
 
 from treadline.core.errors import LinkError
-from treadline.hardware._frame import BoxState, content_of, state_of
+from treadline.hardware._frame import BoxState, Cause, content_of, state_of
 
 SOURCES = Path(__file__).parents[4] / "firmware"
 """Folder of the C files in a checkout of the repository."""
@@ -35,16 +35,9 @@ class Outputs(Structure):
 class Readings(Structure):
     """``tl_readings``."""
 
-    _fields_ = [
-        *(
-            ("present", c_uint8),
-            ("buttons", c_uint8),
-            ("belts", c_int16 * 2),
-            ("voltage_mv", c_uint16),
-            ("orientation", c_int16 * 4),
-        ),
-        *(("rates", c_int16 * 3), ("accelerations", c_int16 * 3), ("seat", c_int16 * 2), ("flipper", c_int16 * 2)),
-    ]
+    _fields_ = [("present", c_uint8), ("buttons", c_uint8), ("belts", c_int16 * 2), ("voltage_mv", c_uint16)]
+    _fields_ += [("orientation", c_int16 * 4), ("rates", c_int16 * 3), ("accelerations", c_int16 * 3)]
+    _fields_ += [("seat", c_int16 * 2), ("flipper", c_int16 * 2)]
 
 
 @cache
@@ -81,6 +74,7 @@ class DriveBox:
         self.memory = ctypes.create_string_buffer(self._library.tl_box_bytes())
         """Memory of the box, ``tl_box``."""
         self._library.tl_box_start(self.memory, 0)
+        self._cause = Cause.ARMED
 
     def receive(self, received: bytes) -> None:
         """Pass bytes from the line."""
@@ -96,6 +90,12 @@ class DriveBox:
         frame = ctypes.create_string_buffer(FRAME_MAX)
         length = self._library.tl_box_state(self.memory, readings, frame)
         return frame.raw[:length]
+
+    def events(self) -> list[str]:
+        """Return a line if the box was stopped or armed since the last call."""
+        state, before = self.state, self._cause
+        self._cause = state.cause
+        return [f"{state.cause.name}, newest command {state.now_ms - state.heard_ms} ms old"] if state.cause != before else []
 
     @property
     def state(self) -> BoxState:

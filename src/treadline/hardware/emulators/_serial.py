@@ -9,7 +9,7 @@ from pathlib import Path
 
 from treadline.core.errors import LinkError
 from treadline.core.signals import TICK_S
-from treadline.hardware._frame import Cause, HostMessage, Kind
+from treadline.hardware._frame import HostMessage, Kind
 from treadline.hardware.emulators._chair import EmulatedChair
 from treadline.hardware.emulators._faults import Faults, FaultyLine, spoilt_bytes
 from treadline.hardware.emulators._firmware import DriveBox, Inputs
@@ -73,7 +73,7 @@ class SerialBox:
 
     def _start(self) -> None:
         """Switch the box on."""
-        self._box, self._started_s, self._cause = DriveBox(), self._chair.t_s, Cause.ARMED
+        self._box, self._started_s = DriveBox(), self._chair.t_s
 
     def step(self) -> Iterator[str]:
         """Run the main loop of the box once; yield a line for each latched stop and re-arm."""
@@ -86,7 +86,7 @@ class SerialBox:
         for frame in self._received(t_s, now_ms):
             self._box.receive(frame)
         outputs = self._box.tick(now_ms, SOUND)
-        yield from self._events(t_s)
+        yield from self._box.events()
         state = self._box.frame(self._chair.step(outputs))
         if not self._faults.active("unplugged", t_s):
             self._terminal.write(state)
@@ -96,9 +96,3 @@ class SerialBox:
         yield from self._line.carry(self._terminal.read(), t_s)
         if self._faults.once("second_host", t_s):
             yield HostMessage(kind=Kind.HOLD, sender=SECOND_HOST, sequence=0, stamp_ms=now_ms).frame()
-
-    def _events(self, t_s: float) -> Iterator[str]:
-        state = self._box.state
-        if state.cause != self._cause:
-            self._cause = state.cause
-            yield f"{t_s:.2f} s: {state.cause.name}, newest command {state.now_ms - state.heard_ms} ms old"

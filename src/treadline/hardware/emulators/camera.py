@@ -40,9 +40,7 @@ class FrameFile:
         if not self._calibration.exists():
             self._calibration.write_text(CameraFile.of(frame.camera, "the emulated camera").text, encoding="utf-8")
         data = io.BytesIO()
-        camera = frame.camera
-        lens = (camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
-        np.savez(data, t_s=t_s, depth_m=frame.depth_m, rgb=frame.rgb, lens=lens)
+        np.savez(data, t_s=t_s, depth_m=frame.depth_m, rgb=frame.rgb, lens=frame.camera.pinhole)
         draft = self._path.with_name(self._path.name + ".new")
         draft.write_bytes(data.getvalue())
         draft.replace(self._path)
