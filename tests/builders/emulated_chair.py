@@ -6,16 +6,13 @@ Times are those of the emulator's clock, which a busy machine slows down; ``PACE
 
 import re
 import select
-import subprocess
-import sys
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from processes import wait_for
+from processes import Heard, wait_for
 
 from treadline.core.signals import TICK_S
 from treadline.hardware._can_link import CanSimpleLink
@@ -126,43 +123,15 @@ def axes_in_lockstep(
     return events_in(lines), states
 
 
-class Emulator:
-    """Process with an emulated chair."""
-
-    def __init__(self, port: Path, *options: object) -> None:
-        module = [sys.executable, "-m", "treadline.hardware.emulators"]
-        command = [*module, *map(str, options), "--port", str(port)]
-        self._process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-        self.lines: list[str] = []
-        self._reader = threading.Thread(target=self._read)
-        self._reader.start()
-        wait_for(lambda: bool(self.lines))
-
-    @property
-    def events(self) -> list[BoxEvent]:
-        """Latched stops and re-arms so far."""
-        return events_in(self.lines)
-
-    def close(self) -> None:
-        """End the process."""
-        self._process.kill()
-        self._process.wait()
-        self._reader.join()
-
-    def _read(self) -> None:
-        assert self._process.stdout is not None
-        with self._process.stdout as lines:
-            self.lines.extend(line.strip() for line in lines)
-
-
 @contextmanager
-def emulator(port: Path, *options: object) -> Iterator[Emulator]:
-    """Open an emulated chair."""
-    process = Emulator(port, *options)
+def emulator(port: Path, *options: object) -> Iterator[Heard]:
+    """Open an emulated chair in a process of its own."""
+    chair = Heard("treadline.hardware.emulators", *options, "--port", port)
     try:
-        yield process
+        wait_for(lambda: chair.lines)
+        yield chair
     finally:
-        process.close()
+        chair.end()
 
 
 def drive(

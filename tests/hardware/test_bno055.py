@@ -19,8 +19,9 @@ SILENT = "does not answer; cross TX and RX, check its supply, and that PS1 is hi
 
 @pytest.fixture
 def sensor() -> Iterator[EmulatedBno055]:
-    with EmulatedBno055().running() as running:
-        yield running
+    made = EmulatedBno055()
+    yield made
+    made.end()
 
 
 def samples_of(link: Bno055Link, until: Callable[[list[ImuSample]], bool]) -> list[ImuSample]:

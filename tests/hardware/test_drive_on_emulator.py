@@ -8,13 +8,13 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from threading import Thread
 
 import pytest
+from emulated_chair import emulator
+from processes import Heard, wait_for
 from robots import TestRobot
-from waiting import wait
 
 for module in ("serial", "can", "msgpack"):
     pytest.importorskip(module, reason="the extra hardware is not installed")
@@ -46,85 +46,27 @@ calibration = "chair.camera.toml"
 """
 
 
-class Heard:
-    """A process whose lines are read as they come."""
-
-    def __init__(self, *arguments: str, obey: Callable[[str], None] = lambda _: None) -> None:
-        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
-        self.process = subprocess.Popen([sys.executable, "-m", *arguments], text=True, **pipes)
-        self.lines: list[str] = []
-        self.host: Heard = self
-        self._obey = obey
-        self._ear = Thread(target=self._hear, daemon=True)
-        self._ear.start()
-
-    def _hear(self) -> None:
-        assert self.process.stdout is not None
-        for line in self.process.stdout:
-            self.lines.append(line.strip())
-            self._obey(line)
-
-    def type(self, line: str) -> None:
-        assert self.process.stdin is not None
-        self.process.stdin.write(line + "\n")
-        self.process.stdin.flush()
-
-    def has(self, text: str) -> bool:
-        return any(text in line for line in self.lines)
-
-    def end(self) -> None:
-        self.process.kill()
-        self.process.wait()
-        self._ear.join()
-        for pipe in (self.process.stdin, self.process.stdout):
-            assert pipe is not None
-            pipe.close()
-
-
-@pytest.fixture
-def box(robot: TestRobot, monkeypatch: pytest.MonkeyPatch) -> Iterator[Heard]:
-    """An emulated chair that is driven at 0.1 m/s on the bench."""
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_guard_process_that_is_gone_leaves_the_box_to_its_watchdog(
+    robot: TestRobot, number: signal.Signals, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Test: the guard process is killed, or stopped. Expected result: latched 0.1 s after the last command, and the run ends."""
     monkeypatch.chdir(robot.folder)
-    robot.hold(dead_man=False)
     robot.path.write_text(robot.path.read_text().replace(BOX.format(folder=robot.folder), SERIAL))
     Path("scenario.toml").write_text(SCENARIO)
-    emulator = Heard("treadline.hardware.emulators", "serial", "--port", "chair", "--scenario", "scenario.toml")
-    wait(lambda: emulator.has("START"), lambda: emulator.lines)
-    host = Heard("treadline", "drive", "robot.toml", "--bench", "--out", "run", obey=robot.obey)
-    emulator.host = host
-    try:
-        wait(lambda: host.has("bench: "), lambda: host.lines)
-        yield emulator
-    finally:
-        host.process.send_signal(signal.SIGCONT)
+    with emulator(Path("chair"), "serial", "--scenario", "scenario.toml") as box:
+        wait_for(lambda: box.has("START"), lambda: box.lines)
+        host = Heard("treadline", "drive", "robot.toml", "--bench", "--out", "run", obey=robot.obey)
+        wait_for(lambda: host.has("bench: "), lambda: host.lines)
+        armed = len([line for line in box.lines if "ARMED" in line])
+        guard = subprocess.run(["ps", "-o", "pid=", "--ppid", str(host.process.pid)], capture_output=True, text=True, check=True)
+        os.kill(int(guard.stdout.split()[0]), number)
+        line = wait_for(lambda: [line for line in box.lines if "WATCHDOG" in line], lambda: box.lines)[-1]
+        assert int(re.findall(r"(\d+) ms old", line)[0]) <= 100
+        assert host.process.wait(60.0) == 2
         host.end()
-        emulator.end()
-
-
-def guard_of(host: Heard) -> int:
-    listed = subprocess.run(["ps", "-o", "pid=", "--ppid", str(host.process.pid)], capture_output=True, text=True, check=True)
-    return int(listed.stdout.split()[0])
-
-
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
-def test_a_guard_process_that_is_gone_leaves_the_box_to_its_watchdog(box: Heard, number: signal.Signals) -> None:
-    """Test: the guard process is killed, or stopped. Expected result: latched 0.1 s after the last command, and the run ends."""
-    armed = len([line for line in box.lines if "ARMED" in line])
-    os.kill(guard_of(box.host), number)
-    line = wait(lambda: [line for line in box.lines if "WATCHDOG" in line], lambda: box.lines)[-1]
-    assert int(re.findall(r"(\d+) ms old", line)[0]) <= 100
-    assert box.host.process.wait(60.0) == 2
-    assert box.host.has("the box's watchdog has stopped the belts")
-    assert len([line for line in box.lines if "ARMED" in line]) == armed
-
-
-def test_a_loop_that_is_stopped_is_stopped_by_the_guard_and_not_by_the_watchdog(box: Heard) -> None:
-    """Test: the loop is stopped, and wakes. Expected result: the guard, which still speaks, stops the box and names the cause."""
-    stops = len([line for line in box.lines if "STOPPED" in line])
-    box.host.process.send_signal(signal.SIGSTOP)
-    wait(lambda: len([line for line in box.lines if "STOPPED" in line]) > stops, lambda: box.lines)
-    box.host.process.send_signal(signal.SIGCONT)
-    wait(lambda: box.host.has("hold: the loop stood still for 0."), lambda: box.host.lines)
+        assert "the box's watchdog has stopped the belts" in host.lines[-1]
+        assert len([line for line in box.lines if "ARMED" in line]) == armed
 
 
 class Emulated:
@@ -144,7 +86,7 @@ class Emulated:
         self.hosts: list[Heard] = []
         self.rearms = True
         self.robot, self.box = robot, Heard("treadline.hardware.emulators", link, *options)
-        wait(Path("chair.frame").exists, lambda: self.box.lines)
+        wait_for(Path("chair.frame").exists, lambda: self.box.lines)
 
     def driven(self, *options: str) -> Heard:
         """Return a drive with a person who re-arms when asked, and after each hold."""
@@ -197,12 +139,12 @@ def test_faults_of_wiring_and_sensors_stop_the_chair_and_are_named(emulated: Emu
     for fault, remedy in (("swapped_belts", "signs.swapped = true"), ("left_reversed", "signs.left = -1")):
         box.type(fault)
         host = emulated.driven("--bench", "--out", fault)
-        assert wait(host.process.poll, lambda: (host.lines, box.lines)) == 2  # noqa: B023 - called at once
+        assert wait_for(host.process.poll, lambda: (host.lines, box.lines)) == 2  # noqa: B023 - called at once
         assert host.has(remedy), host.lines
         assert not host.has("bench: ")
         box.type("")
     drive = emulated.driven("--out", "run")
-    wait(lambda: drive.has("rearmed: by a person, after: armed"), lambda: drive.lines)
+    wait_for(lambda: drive.has("rearmed: by a person, after: armed"), lambda: drive.lines)
     emulated.rearms = False
     # A camera is silent from the moment at which its next frame is due, 0.1 s after the last one; the guard holds within 0.3 s
     # and ramps down from 0.2 m/s with 1 m/s² at most, a half cosine of 0.31 s.
@@ -213,11 +155,11 @@ def test_faults_of_wiring_and_sensors_stop_the_chair_and_are_named(emulated: Emu
     ):
         time.sleep(1.2)  # drives on CAN have proved their watchdog, and the belts are at 0.2 m/s
         box.type(f"{fault}=1")
-        wait(lambda: drive.has(cause), lambda: drive.lines)  # noqa: B023 - called at once
+        wait_for(lambda: drive.has(cause), lambda: drive.lines)  # noqa: B023 - called at once
         fault_s = emulated.times(f"fault {fault}")[-1]
-        stop_s = wait(lambda: [t_s for t_s in emulated.times("STOPPED") if t_s > fault_s])[0]  # noqa: B023 - called at once
+        stop_s = wait_for(lambda: [t_s for t_s in emulated.times("STOPPED") if t_s > fault_s])[0]  # noqa: B023 - called at once
         assert stop_s - fault_s <= limit_s + 0.03  # a tick of the loop, of the guard and of the box
         time.sleep(1.5)  # the fault has passed
         assert not [t_s for t_s in emulated.times("ARMED") if t_s > stop_s]
         emulated.robot.obey("re-arm")
-        wait(lambda: [t_s for t_s in emulated.times("ARMED") if t_s > stop_s])  # noqa: B023 - called at once
+        wait_for(lambda: [t_s for t_s in emulated.times("ARMED") if t_s > stop_s])  # noqa: B023 - called at once

@@ -7,22 +7,20 @@ import json
 import math
 import os
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
-from threading import Thread
 from typing import Any
 
 import pytest
+from processes import Heard, wait_for
 from robots import TestRobot
-from waiting import PATIENCE_S, wait
 
 from treadline.core.signals import OperatorInput
 from treadline.hardware._arming import BenchSession
 from treadline.hardware._guard_client import GuardClient
 from treadline.hardware.drive import Robot
 
+PATIENCE_S = 60.0
 HELD = {"dead_man": True, "speed": 1.0}
 
 
@@ -31,49 +29,31 @@ class Bench:
 
     def __init__(self, robot: TestRobot) -> None:
         self.robot = robot
-        command = [sys.executable, "-m", "treadline", "drive", str(robot.path), "--bench", "--out", str(robot.folder / "run")]
-        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        self.said: list[str] = []
-        self.ear = Thread(target=self._hear, daemon=True)
-        self.ear.start()
-        wait(lambda: any(line.startswith("bench: ") for line in self.said), lambda: self.said)
+        self.host = Heard("treadline", "drive", robot.path, "--bench", "--out", robot.folder / "run", obey=robot.obey)
+        self.process = self.host.process
+        wait_for(lambda: self.host.has("bench: "), lambda: self.host.lines)
         self.drive()
-
-    def _hear(self) -> None:
-        assert self.process.stderr is not None
-        for line in self.process.stderr:
-            self.said.append(line.strip())
-            self.robot.obey(line)
 
     def drive(self) -> None:
         """Hold the switch and push the stick until the belts move at 0.09 m/s."""
         self.robot.hold(**HELD)
-        wait(lambda: self.robot.done()[-1]["what"] == "moving")
-
-    def guard(self) -> int:
-        """Return the process id of the guard process."""
-        listed = subprocess.run(["ps", "-o", "pid=", "--ppid", str(self.process.pid)], capture_output=True, text=True, check=True)
-        return int(listed.stdout.split()[0])
+        wait_for(lambda: self.robot.done()[-1]["what"] == "moving")
 
     def stopped(self, fault_s: float) -> float:
         """Return the time from a fault to the stop of the box [s]."""
-        done = wait(lambda: [entry for entry in self.robot.done() if entry["latched"] and entry["box_s"] > fault_s])
+        done = wait_for(lambda: [entry for entry in self.robot.done() if entry["latched"] and entry["box_s"] > fault_s])
         return float(done[0]["box_s"] - fault_s)
 
     def cause(self) -> str:
         """Return the cause of the hold as the person reads it."""
-        return str(wait(lambda: [line for line in self.said if " hold: " in line and "not armed" not in line])[-1])
+        return str(wait_for(lambda: [line for line in self.host.lines if " hold: " in line and "not armed" not in line])[-1])
 
 
 @pytest.fixture
 def bench(robot: TestRobot) -> Iterator[Bench]:
     made = Bench(robot)
     yield made
-    made.process.send_signal(signal.SIGCONT)
-    made.process.terminate()
-    made.process.wait(PATIENCE_S)
-    made.ear.join(PATIENCE_S)
-    made.process.communicate()
+    made.host.end()
 
 
 def test_a_loop_that_is_stopped_stops_the_chair_until_a_person_rearms(bench: Bench) -> None:
@@ -85,7 +65,7 @@ def test_a_loop_that_is_stopped_stops_the_chair_until_a_person_rearms(bench: Ben
     assert "the loop stood still for " in bench.cause()
     assert bench.robot.done()[-1]["latched"]
     bench.robot.hold(dead_man=False)
-    wait(lambda: bench.robot.hold(dead_man=True, rearm=True) or not bench.robot.done()[-1]["latched"])
+    wait_for(lambda: bench.robot.hold(dead_man=True, rearm=True) or not bench.robot.done()[-1]["latched"])
     bench.drive()
 
 
@@ -93,23 +73,7 @@ def test_a_loop_that_is_killed_stops_the_chair(bench: Bench) -> None:
     bench.process.kill()
     fault_s = time.monotonic()
     assert bench.stopped(fault_s) <= 0.3
-    assert wait(lambda: bench.robot.done()[-1]["what"] == "close")
-
-
-def test_a_guard_process_that_is_killed_ends_the_run(bench: Bench) -> None:
-    """Test: the guard process is killed. Expected result: one line that says so, and no traceback; the box has its own watchdog."""
-    os.kill(bench.guard(), signal.SIGKILL)
-    assert bench.process.wait(PATIENCE_S) == 2
-    bench.ear.join(PATIENCE_S)
-    assert bench.said[-1] == "treadline: the guard process has ended; the box's watchdog has stopped the belts"
-
-
-def test_a_guard_process_that_is_stopped_ends_the_run(bench: Bench) -> None:
-    guard = bench.guard()
-    os.kill(guard, signal.SIGSTOP)
-    assert bench.process.wait(PATIENCE_S) == 2
-    bench.ear.join(PATIENCE_S)
-    assert bench.said[-1].startswith("treadline: the guard process is silent for ")
+    assert wait_for(lambda: bench.robot.done()[-1]["what"] == "close")
 
 
 @pytest.mark.parametrize(
@@ -130,8 +94,8 @@ def test_a_fault_of_the_box_holds_and_is_named(bench: Bench, fault: str, said: s
 def test_an_unplugged_line_ends_the_run_with_its_cause(bench: Bench) -> None:
     bench.robot.broken("unplugged")
     assert bench.process.wait(PATIENCE_S) == 2
-    bench.ear.join(PATIENCE_S)
-    assert "the line is unplugged" in bench.said[-1]
+    bench.host.end()
+    assert "the line is unplugged" in bench.host.lines[-1]
 
 
 @pytest.mark.parametrize("hand", [{"dead_man": False, "speed": 1.0}, {"dead_man": True, "stop": True, "speed": 1.0}])
@@ -156,7 +120,7 @@ def test_a_link_whose_readings_are_none_ends_the_run_with_the_box_stopped(bench:
     fault_s = time.monotonic()
     bench.robot.broken("nonsense")
     assert bench.stopped(fault_s) <= 0.3
-    assert wait(lambda: bench.robot.done()[-1]["what"] == "close")
+    assert wait_for(lambda: bench.robot.done()[-1]["what"] == "close")
     assert next(entry["what"] for entry in bench.robot.done() if entry["box_s"] > fault_s) == "stop"
     assert bench.process.wait(PATIENCE_S) == 2
 

@@ -2,7 +2,7 @@
 
 import os
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -12,6 +12,8 @@ from treadline.core.signals import OperatorInput
 from treadline.hardware import _handset
 from treadline.hardware._handset import Gamepad, Keyboard
 from treadline.hardware.ports import StickReading
+
+Typing = Callable[[str, float], tuple[bool, bool, float, float]]
 
 
 class Clock:
@@ -32,31 +34,26 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
 
 
 @pytest.fixture
-def terminal(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
-    """Return the end of a pipe that types; the other end counts as a terminal."""
-    keys, typing = os.pipe()
+def typing(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> Iterator[Typing]:
+    """Return a hand on a keyboard: keys that are typed ``after_s`` later, and their repeat, to what is reported then."""
+    keys, end = os.pipe()
     monkeypatch.setattr(os, "isatty", lambda _: True)
-    keyboard.append(Keyboard(keys))
-    yield typing
-    for descriptor in (keys, typing):
+    keyboard = Keyboard(keys)
+
+    def state(typed: str, after_s: float) -> tuple[bool, bool, float, float]:
+        for pause_s in (after_s, 0.1):
+            clock.now_s += pause_s
+            os.write(end, typed.encode())
+            reports = keyboard.poll()
+        operator, stick = reports
+        assert isinstance(operator, OperatorInput)
+        assert isinstance(stick, StickReading)
+        return operator.dead_man, operator.rearm, stick.speed, stick.turn
+
+    yield state
+    assert os.get_blocking(keys)  # the loop prints to the terminal that the keys come from, and both share its mode
+    for descriptor in (keys, end):
         os.close(descriptor)
-    keyboard.clear()
-
-
-keyboard: list[Keyboard] = []
-
-
-def state(clock: Clock, typing: int, keys: str, after_s: float) -> tuple[bool, bool, float, float]:
-    """Type keys ``after_s`` later; return dead-man switch, re-arm, speed and turn, of reports that are due by then."""
-    clock.now_s += after_s
-    os.write(typing, keys.encode())
-    keyboard[0].poll()
-    clock.now_s += 0.1
-    os.write(typing, keys.encode())
-    reports = keyboard[0].poll()
-    operator = next(report for report in reports if isinstance(report, OperatorInput))
-    stick = next(report for report in reports if isinstance(report, StickReading))
-    return operator.dead_man, operator.rearm, stick.speed, stick.turn
 
 
 @pytest.mark.parametrize(
@@ -70,30 +67,14 @@ def state(clock: Clock, typing: int, keys: str, after_s: float) -> tuple[bool, b
         ("x", (False, False, 0.0, 0.0)),
     ],
 )
-def test_a_key_that_repeats_is_held(clock: Clock, terminal: int, key: str, wanted: tuple[object, ...]) -> None:
-    assert state(clock, terminal, key, 1.0) == wanted
+def test_a_key_that_repeats_is_held(typing: Typing, key: str, wanted: tuple[object, ...]) -> None:
+    assert typing(key, 1.0) == wanted
 
 
-def test_a_key_that_stops_repeating_and_a_key_pressed_once_are_not_held(clock: Clock, terminal: int) -> None:
-    assert state(clock, terminal, "r", 1.0)[0]
-    assert not state(clock, terminal, "", 0.1)[0]
-    os.write(terminal, b"r")
-    assert not state(clock, terminal, "", 0.5)[0]
-
-
-def test_the_terminal_stays_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The loop prints to the terminal that the keys come from, and both share its mode."""
-    keys, typing = os.pipe()
-    monkeypatch.setattr(os, "isatty", lambda _: True)
-    Keyboard(keys).poll()
-    assert os.get_blocking(keys)
-    for descriptor in (keys, typing):
-        os.close(descriptor)
-
-
-def test_another_key_stops(clock: Clock, terminal: int) -> None:
-    assert state(clock, terminal, "r", 1.0)[0]
-    assert not state(clock, terminal, "q", 0.05)[0]
+def test_a_key_that_stops_repeating_and_another_key_stop(typing: Typing) -> None:
+    for typed, after_s in (("", 0.1), ("q", 0.05)):
+        assert typing("r", 1.0)[0]
+        assert not typing(typed, after_s)[0]
 
 
 def test_without_a_terminal_the_keyboard_is_refused(tmp_path: Path) -> None:

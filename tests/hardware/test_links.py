@@ -7,12 +7,15 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from threading import Thread
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import pytest
-from emulated_chair import LIMITS, PACE, PULLEY_M, axes_in_lockstep, drive, emulator, in_lockstep
+from emulated_chair import LIMITS, PACE, PULLEY_M, axes_in_lockstep, drive, emulator, events_in, in_lockstep
 from firmware_memory import HAS_COMPILER
 from processes import wait_for
 
@@ -63,7 +66,7 @@ def test_belts_joints_and_sensors_pass_a_serial_line(tmp_path: Path) -> None:
         assert sum(part**2 for part in imu.linear_acceleration_m_s2) ** 0.5 == pytest.approx(9.81, abs=0.5)
         link.close()
         link.close()
-        wait_for(lambda: chair.events[-1].cause == "STOPPED")
+        wait_for(lambda: events_in(chair.lines)[-1].cause == "STOPPED")
 
 
 def test_a_line_that_is_a_little_bad_stops_nothing(tmp_path: Path) -> None:
@@ -104,20 +107,29 @@ def test_a_host_that_stops_or_dies_leaves_a_box_that_stands(tmp_path: Path, end:
     with emulator(tmp_path / "box", "serial", "--pace", PACE) as chair:
         paths = os.pathsep.join([str(Path(__file__).parents[1] / "builders"), *sys.path])
         host = subprocess.Popen([sys.executable, "-c", HOST, str(tmp_path / "box")], env=os.environ | {"PYTHONPATH": paths})
-        wait_for(lambda: any(event.cause == "ARMED" for event in chair.events), within_s=120.0)
+        wait_for(lambda: any(event.cause == "ARMED" for event in events_in(chair.lines)), within_s=120.0)
         host.send_signal(end)
-        wait_for(lambda: chair.events[-1].cause != "ARMED")
-        assert chair.events[-1].cause == "WATCHDOG"
-        assert chair.events[-1].age_ms <= 100
+        wait_for(lambda: events_in(chair.lines)[-1].cause != "ARMED")
+        assert events_in(chair.lines)[-1].cause == "WATCHDOG"
+        assert events_in(chair.lines)[-1].age_ms <= 100
         host.kill()
         host.wait()
 
 
-def test_errors_of_a_port_are_one_line_with_the_remedy(tmp_path: Path) -> None:
+@pytest.fixture
+def line() -> Iterator[tuple[int, str, ExitStack]]:
+    """Return the box's end of a line, the host's port, and a stack that unplugs it."""
+    with ExitStack() as ends:
+        near, far = os.openpty()
+        for end in (near, far):
+            ends.callback(os.close, end)
+        yield near, os.ttyname(far), ends
+
+
+def test_errors_of_a_port_are_one_line_with_the_remedy(line: tuple[int, str, ExitStack], tmp_path: Path) -> None:
+    near, port, ends = line
     with pytest.raises(LinkError, match=r"none does not exist; connect the device, and look for its port with"):
         SerialLink(port=str(tmp_path / "none"), limits=LIMITS)
-    near, far = os.openpty()
-    port = os.ttyname(far)
     link = SerialLink(port=port, limits=LIMITS)
     with pytest.raises(LinkError, match=f"{port} is in use by another program; end it, or give another port"):
         SerialLink(port=port, limits=LIMITS)
@@ -127,8 +139,7 @@ def test_errors_of_a_port_are_one_line_with_the_remedy(tmp_path: Path) -> None:
     os.write(near, b"\x55\0" * 10)
     with pytest.raises(LinkError, match=r"sent no frame of a box within 2 s \(\d+ broken ones\); check the port, the bit rate"):
         wait_for(lambda: bool(link.poll()))
-    os.close(near)
-    os.close(far)
+    ends.close()
     with pytest.raises(LinkError, match=r"the device at .* has gone .*; connect it and start again"):
         link.poll()
     link.send(0.1, 0.1)  # raises nothing: poll names the cause
@@ -136,38 +147,24 @@ def test_errors_of_a_port_are_one_line_with_the_remedy(tmp_path: Path) -> None:
 
 
 def test_a_port_without_permission_is_one_line_with_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(port: str, *_: object, **__: object) -> None:
-        raise serial.SerialException(13, f"could not open port {port}: [Errno 13] Permission denied: '{port}'")
-
-    monkeypatch.setattr(serial, "Serial", refuse)
+    refused = serial.SerialException(13, "could not open port: [Errno 13] Permission denied: '/dev/ttyACM0'")
+    monkeypatch.setattr(serial, "Serial", Mock(side_effect=refused))
     with pytest.raises(LinkError, match=r"^/dev/ttyACM0 needs a permission: .*: sudo usermod -aG dialout \$USER$"):
         SerialLink(port="/dev/ttyACM0", limits=LIMITS)
 
 
-def usb(device: str, socket: str, number: str | None) -> SimpleNamespace:
-    return SimpleNamespace(device=device, vid=0x2E8A, pid=0x000A, serial_number=number, location=f"{socket}:1.0")
+def test_two_boxes_with_one_id_are_refused(line: tuple[int, str, ExitStack], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Test: a second device of the same kind. Expected: refused with the same number, unless it is a second port of the first."""
 
+    def usb(device: str, socket: str, number: str | None) -> SimpleNamespace:
+        return SimpleNamespace(device=device, vid=0x2E8A, pid=0x000A, serial_number=number, location=f"{socket}:1.0")
 
-@pytest.mark.parametrize(
-    ("other", "is_refused"),
-    [
-        (usb("/dev/ttyACM9", "1-2", "E66"), True),
-        (usb("/dev/ttyACM9", "1-2", "E67"), False),
-        (usb("/dev/ttyACM9", "1-1", "E66"), False),  # a second port of the same device
-        (usb("/dev/ttyUSB9", "1-2", None), False),
-    ],
-)
-def test_two_boxes_with_one_id_are_refused(monkeypatch: pytest.MonkeyPatch, other: SimpleNamespace, *, is_refused: bool) -> None:
-    near, far = os.openpty()
-    port = os.ttyname(far)
-    monkeypatch.setattr(_serial_link, "comports", lambda: [usb(port, "1-1", "E66"), other])
-    if is_refused:
-        with pytest.raises(LinkError, match="two devices have the USB id 2e8a:000a E66; unplug one, or give its"):
-            SerialLink(port=port, limits=LIMITS)
-    else:
-        SerialLink(port=port, limits=LIMITS).close()
-    os.close(near)
-    os.close(far)
+    for other in (usb("/dev/ttyACM9", "1-2", "E67"), usb("/dev/ttyACM9", "1-1", "E66"), usb("/dev/ttyUSB9", "1-2", None)):
+        monkeypatch.setattr(_serial_link, "comports", [usb(line[1], "1-1", "E66"), other].copy)
+        SerialLink(port=line[1], limits=LIMITS).close()
+    monkeypatch.setattr(_serial_link, "comports", [usb(line[1], "1-1", "E66"), usb("/dev/ttyACM9", "1-2", "E66")].copy)
+    with pytest.raises(LinkError, match="two devices have the USB id 2e8a:000a E66; unplug one, or give its"):
+        SerialLink(port=line[1], limits=LIMITS)
 
 
 @pytest.mark.parametrize(
@@ -179,42 +176,32 @@ def test_two_boxes_with_one_id_are_refused(monkeypatch: pytest.MonkeyPatch, othe
         (Inputs(dead_man=True), None),
     ],
 )
-def test_what_forbids_a_rearm_is_named(inputs: Inputs, said: str | None) -> None:
-    near, far = os.openpty()
-    link, box, readings = SerialLink(port=os.ttyname(far), limits=LIMITS), DriveBox(), list[BoxReading]()
+def test_what_forbids_a_rearm_is_named(inputs: Inputs, said: str | None, line: tuple[int, str, ExitStack]) -> None:
+    link, box, readings = SerialLink(port=line[1], limits=LIMITS), DriveBox(), list[BoxReading]()
     box.tick(10, inputs)
-    os.write(near, box.frame(Readings()))
+    os.write(line[0], box.frame(Readings()))
     wait_for(lambda: not readings.extend(link.poll()) and bool(readings))
     assert [reading.error for reading in readings if isinstance(reading, DriveState)] == [said]
     link.close()
-    os.close(near)
-    os.close(far)
 
 
-def test_states_that_arrive_together_keep_their_order_in_time() -> None:
-    near, far = os.openpty()
-    link, box, readings = SerialLink(port=os.ttyname(far), limits=LIMITS), DriveBox(), list[BoxReading]()
-    for now_ms in (10, 20, 30):
-        box.tick(now_ms, SOUND)
-        os.write(near, box.frame(Readings(present=Present.IMU)))
+def test_states_that_arrive_together_keep_their_order_in_time(line: tuple[int, str, ExitStack]) -> None:
+    link, box, readings = SerialLink(port=line[1], limits=LIMITS), DriveBox(), list[BoxReading]()
+    frames = [box.tick(now_ms, SOUND) and box.frame(Readings(present=Present.IMU)) for now_ms in (10, 20, 30)]
+    os.write(line[0], b"".join(frames))
     wait_for(lambda: not readings.extend(link.poll()) and len(readings) == 6)
     stamps_s = [reading.t_s for reading in readings if isinstance(reading, ImuSample)]
     assert [stamp_s - stamps_s[-1] for stamp_s in stamps_s] == pytest.approx([-0.02, -0.01, 0.0])
     link.close()
-    os.close(near)
-    os.close(far)
 
 
-def test_a_box_that_reads_nothing_does_not_keep_the_host() -> None:
-    near, far = os.openpty()
-    link = SerialLink(port=os.ttyname(far), limits=LIMITS)
+def test_a_box_that_reads_nothing_does_not_keep_the_host(line: tuple[int, str, ExitStack]) -> None:
+    link = SerialLink(port=line[1], limits=LIMITS)
     sender = Thread(target=lambda: [link.stop() for _ in range(10_000)], daemon=True)  # 310 kB: more than a line holds
     sender.start()
     sender.join(60.0)
     assert not sender.is_alive()
     link.close()
-    os.close(near)
-    os.close(far)
 
 
 def test_an_emulator_shows_nothing_of_the_one_before(tmp_path: Path) -> None:
@@ -225,15 +212,12 @@ def test_an_emulator_shows_nothing_of_the_one_before(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_a_speed_that_is_not_a_number_stops() -> None:
-    near, far = os.openpty()
-    link = SerialLink(port=os.ttyname(far), limits=LIMITS)
-    link.send(float("nan"), 0.1)
-    assert os.read(near, 100)[2] == Kind.STOP
-    link.send(1e9, 0.1)
-    assert os.read(near, 100)[2] == Kind.DRIVE
+def test_a_speed_that_is_not_a_number_stops(line: tuple[int, str, ExitStack]) -> None:
+    link = SerialLink(port=line[1], limits=LIMITS)
+    for speed_m_s, kind in ((float("nan"), Kind.STOP), (1e9, Kind.DRIVE)):
+        link.send(speed_m_s, 0.1)
+        assert os.read(line[0], 100)[2] == kind
     link.close()
-    os.close(near)
 
 
 def test_a_fault_that_does_not_exist_is_named() -> None:
@@ -289,11 +273,11 @@ def test_a_can_bus_between_processes_carries_a_drive(tmp_path: Path) -> None:
         pytest.skip("no multicast on this machine")
     with emulator(tmp_path / "sensors", "can", "--udp-port", port) as chair:
         drives, sensors = can_link(bus), SerialLink(port=str(tmp_path / "sensors"))
-        drive(drives, lambda _: sum(event.cause == "ARMED" for event in chair.events) >= 4)
+        drive(drives, lambda _: sum(event.cause == "ARMED" for event in events_in(chair.lines)) >= 4)
         wait_for(lambda: any(isinstance(reading, ImuSample) for reading in sensors.poll()))
         drives.close()
         sensors.close()
-        wait_for(lambda: chair.events[-1].cause != "ARMED")
+        wait_for(lambda: events_in(chair.lines)[-1].cause != "ARMED")
 
 
 @pytest.mark.parametrize("error", [0x20, 0x40])  # CAN_ERR_ACK and CAN_ERR_BUSOFF of linux/can/error.h

@@ -8,7 +8,7 @@ from robots import TestRobot
 
 from treadline.core.errors import LinkError, SettingsError
 from treadline.hardware._guard_client import GuardClient
-from treadline.hardware.drive import camera_of
+from treadline.hardware.drive import Robot, camera_of
 
 
 @pytest.mark.parametrize(
@@ -84,3 +84,18 @@ def test_a_link_that_does_not_open_is_one_line(robot: TestRobot, link: str, inst
     with pytest.raises(LinkError, match=said) as error:
         GuardClient(robot.file())
     assert "\n" not in str(error.value)
+
+
+def test_a_drive_holds_0_3_s_after_a_frame_was_due_or_0_1_s_without_the_inertial_sensor(robot: TestRobot) -> None:
+    config = Robot.of(robot.file()).drive_config(0.25, 0.1)
+    assert (config.blind_timeout_s, config.vision_only_s) == pytest.approx((0.4, 0.1))
+    assert config.awaits_ground
+    assert config.needs_heading
+
+
+def test_the_robot_file_lowers_the_speed_of_the_chair_file_and_the_bench_both(robot: TestRobot) -> None:
+    assert Robot.of(robot.file()).drive_config(0.25, 0.1).belt_limit_m_s == 0.3
+    assert Robot.of(robot.file()).bench_config().belt_limit_m_s == 0.1
+    robot.path.write_text(robot.path.read_text().replace("belt_m_s = 0.3", "belt_m_s = 0.06"))
+    slow = Robot.of(robot.file())
+    assert (slow.bench_config().belt_limit_m_s, slow.mission.climb_speed_m_s) == (0.06, 0.06)

@@ -48,7 +48,7 @@ def drive(
         raise SettingsError("--bench and --record: give one of them")
     file = read_robot(robot)
     if file.handset is None and not record:
-        raise SettingsError(f"{robot}: no [handset], and only --record needs none; add link = \"keyboard\" or \"gamepad\"")
+        raise SettingsError(f'{robot}: no [handset], and only --record needs none; add link = "keyboard" or "gamepad"')
     claim(out, force=force)
     limit_s = math.inf if seconds is None else seconds
     say(WARNING)
