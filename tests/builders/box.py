@@ -1,6 +1,6 @@
 """A box at the drives, and a handset, inside the guard process: the rules of the firmware on belts with a first-order lag.
 
-Test and box speak through files, because the test is another process: ``faults.json`` in (names of ``FAULTS``),
+Test and box speak through files, because the test is another process: ``faults.json`` in (names of faults),
 ``box.jsonl`` out, one line at each change of what the belts are commanded, by the box's own clock.
 """
 
@@ -17,10 +17,6 @@ from treadline.hardware.ports import DriveLimits, DriveState, StickReading
 PERIOD_S = 0.01
 LAG_S = 0.15
 GAUGE_M = 0.65
-FAULTS = (
-    "unplugged", "swapped", "left_reversed", "right_report_reversed", "reports_crossed", "lifted", "imu_frozen", "imu_silent",
-    "imu_upside_down", "error", "restart", "nonsense", "rearm_pressed",
-)  # fmt: skip
 
 
 class FloorBox:
@@ -57,10 +53,8 @@ class FloorBox:
             self.latched = True
             self.log("latch")
         asked = (0.0, 0.0) if self.latched else self.asked
-        if {"swapped"} & self.faults:
+        if "swapped" in self.faults:
             asked = asked[::-1]
-        if "left_reversed" in self.faults:
-            asked = (-asked[0], asked[1])
         step = self.limits.acceleration_m_s2 * PERIOD_S
         for side in (0, 1):
             change = min(max(asked[side] - self.commanded[side], -step), step)
@@ -73,16 +67,12 @@ class FloorBox:
 
     @property
     def turn_rad_s(self) -> float:
-        return 0.0 if "lifted" in self.faults else 0.79 * (self.belts[1] - self.belts[0]) / GAUGE_M
+        return 0.79 * (self.belts[1] - self.belts[0]) / GAUGE_M
 
     def readings(self) -> list[Any]:
-        left, right = self.belts[::-1] if {"swapped"} & self.faults else self.belts
-        if "left_reversed" in self.faults:
-            left = -left
+        left, right = self.belts[::-1] if "swapped" in self.faults else self.belts
         if "right_report_reversed" in self.faults:
             right = -right
-        if "reports_crossed" in self.faults:
-            left, right = right, left
         state = DriveState(
             t_s=self.t_s, box_s=self.t_s, left_m_s=left, right_m_s=right, watchdog_tripped=self.tripped, latched=self.latched,
             error="overcurrent of the left motor" if "error" in self.faults else None, voltage_v=self.volts,
@@ -100,8 +90,6 @@ class FloorBox:
             return []
         turned = 0.5 * self.yaw_rad
         up = -9.81 if "imu_upside_down" in self.faults else 9.81
-        if "imu_frozen" in self.faults:
-            return [self.frozen(up)]
         noise = 1e-4 * math.sin(1e3 * self.t_s)
         return [
             ImuSample(
@@ -111,14 +99,6 @@ class FloorBox:
                 linear_acceleration_m_s2=(noise, noise, up),
             )
         ]
-
-    def frozen(self, up: float) -> ImuSample:
-        return ImuSample(
-            t_s=self.t_s,
-            orientation=(1.0, 0.0, 0.0, 0.0),
-            angular_velocity_rad_s=(0.01, 0.0, 0.02),
-            linear_acceleration_m_s2=(0.0, 0.0, up),
-        )
 
     def send(self, left_m_s: float, right_m_s: float) -> None:
         self.heard_s = time.monotonic()

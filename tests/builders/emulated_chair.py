@@ -70,27 +70,19 @@ def in_lockstep(port: Path, faults: list[str], until_s: float, *, rearms: int = 
     Args:
         rearms: Largest number of re-arms, each after 20 states of a latched box.
     """
-    chair, given = FlatChair(), Faults(faults)
-    terminal = Terminal(port)
+    chair, given, terminal = FlatChair(), Faults(faults), Terminal(port)
     box, link = SerialBox(chair, given, terminal), SerialLink(port=str(port), limits=LIMITS)
-    lines: list[str] = []
-    states: list[DriveState] = []
-    stood = 0
-    while chair.t_s < until_s:
-        reports = not given.active("unplugged", chair.t_s)
-        lines.extend(f"{chair.t_s:.2f} s: {line}" for line in box.step())
-        if not reports:
-            continue
-        wait_for(lambda: bool(new := link.poll()) and not states.extend(new), pause_s=0.0)
-        stood = stood + 1 if states[-1].latched else 0
-        if stood == 20 and rearms > 0:
-            link.rearm()
-            stood, rearms = 0, rearms - 1
-        link.send(0.2, 0.2)
-        select.select([terminal], [], [], 60.0)
-    link.close()
+
+    def states() -> list[Any]:
+        if given.active("unplugged", chair.t_s - TICK_S):
+            return []
+        return wait_for(link.poll, pause_s=0.0)
+
+    found = _driven(
+        chair, box, link, states, lambda t_s, _: t_s >= until_s, rearms, lambda: select.select([terminal], [], [], 60.0)
+    )
     terminal.close()
-    return events_in(lines), states
+    return found
 
 
 def axes_in_lockstep(
@@ -104,13 +96,17 @@ def axes_in_lockstep(
     chair, bus = FlatChair(), {"interface": "virtual", "channel": str(port)}
     axes = CanAxes(chair, Faults(faults), Terminal(port), bus)
     link = CanSimpleLink(left_node=1, right_node=2, wheel_radius_m=PULLEY_M, limits=LIMITS, **bus)
-    lines: list[str] = []
-    states: list[DriveState] = []
-    stood = 0
+    return _driven(chair, axes, link, link.poll, until, rearms, lambda: None)
+
+
+def _driven(
+    chair: FlatChair, box: Any, link: Any, new_states: Any, until: Any, rearms: int, on_sent: Any
+) -> tuple[list[BoxEvent], list[DriveState]]:
+    lines, states, stood = list[str](), list[DriveState](), 0
     try:
         while not until(chair.t_s, states):
-            lines.extend(f"{chair.t_s:.2f} s: {line}" for line in axes.step())
-            new = link.poll()
+            lines.extend(f"{chair.t_s:.2f} s: {line}" for line in box.step())
+            new = new_states()
             states.extend(new)
             stood = stood + len(new) if states and states[-1].latched else 0
             if stood >= 20 and rearms > 0:
@@ -118,6 +114,7 @@ def axes_in_lockstep(
                 stood, rearms = 0, rearms - 1
             if new:
                 link.send(0.2, 0.2)
+                on_sent()
     finally:
         link.close()
     return events_in(lines), states

@@ -20,7 +20,6 @@ from treadline.hardware._arming import BenchSession
 from treadline.hardware._guard_client import GuardClient
 from treadline.hardware.drive import Robot
 
-PATIENCE_S = 60.0
 HELD = {"dead_man": True, "speed": 1.0}
 
 
@@ -93,7 +92,7 @@ def test_a_fault_of_the_box_holds_and_is_named(bench: Bench, fault: str, said: s
 
 def test_an_unplugged_line_ends_the_run_with_its_cause(bench: Bench) -> None:
     bench.robot.broken("unplugged")
-    assert bench.process.wait(PATIENCE_S) == 2
+    assert bench.process.wait(60.0) == 2
     bench.host.end()
     assert "the line is unplugged" in bench.host.lines[-1]
 
@@ -110,7 +109,7 @@ def test_ctrl_c_stops_the_chair_and_keeps_the_log(bench: Bench) -> None:
     fault_s = time.monotonic()
     bench.process.send_signal(signal.SIGINT)
     assert bench.stopped(fault_s) <= 0.3
-    assert bench.process.wait(PATIENCE_S) == 0
+    assert bench.process.wait(60.0) == 0
     result = json.loads((bench.robot.folder / "run" / "result.json").read_text())
     assert [event["name"] for event in result["events"]][-1] == "rearmed"
 
@@ -122,7 +121,7 @@ def test_a_link_whose_readings_are_none_ends_the_run_with_the_box_stopped(bench:
     assert bench.stopped(fault_s) <= 0.3
     assert wait_for(lambda: bench.robot.done()[-1]["what"] == "close")
     assert next(entry["what"] for entry in bench.robot.done() if entry["box_s"] > fault_s) == "stop"
-    assert bench.process.wait(PATIENCE_S) == 2
+    assert bench.process.wait(60.0) == 2
 
 
 def test_a_new_session_knows_nothing_of_the_one_before(robot: TestRobot) -> None:
@@ -130,9 +129,9 @@ def test_a_new_session_knows_nothing_of_the_one_before(robot: TestRobot) -> None
     config = Robot.of(robot.file()).bench_config()
     session = BenchSession(client, config, "first")
     robot.hold(dead_man=False)
-    session.wait("no handset", PATIENCE_S, lambda: OperatorInput in session.newest)
+    session.wait("no handset", 60.0, lambda: OperatorInput in session.newest)
     robot.hold(dead_man=True, rearm=True)
-    session.wait("no re-arm", PATIENCE_S, lambda: client.holding is None)
+    session.wait("no re-arm", 60.0, lambda: client.holding is None)
     time.sleep(0.1)  # reports of the first session wait to be read
     start_s = client.begin(config, "second")
     readings: list[Any] = []

@@ -100,9 +100,7 @@ def test_in_a_log_of_ours_a_calibration_that_changes_is_that_of_the_frames_time(
     assert [(number_of(paired), paired.frame.camera.fx_px) for paired in found] == list(enumerate(focal_px))
 
 
-def test_a_calibration_without_a_focal_length_or_of_another_size_is_refused() -> None:
-    with pytest.raises(ImageError, match="never calibrated"):
-        Pairing().calibrate(camera(focal_px=0.0))
+def test_a_calibration_of_another_size_is_refused() -> None:
     pairing = Pairing(has_colour=False)
     pairing.depth(depth(0))
     with pytest.raises(ImageError, match=r"sizes differ: an image of 4×3 at 0\.000 s, calibrated for 8×6"):

@@ -221,10 +221,9 @@ def test_nothing_is_compared_with_a_stair_that_nobody_knows() -> None:
     assert "perceives 1 nosing" in page
     assert "perceives 1 nosing: " not in page
     assert "missed" not in page
-    unknown = dict.fromkeys(("heading_rad", "slip", "margin_rad"), math.nan)
-    curves = {plot.title: [curve.label for curve in plot.curves] for plot in shown_plots(a_run(**unknown, pitch_rate_rad_s=0.1))}
-    assert (curves["heading"], curves["pitch rate"]) == (["estimate ± 2 σ"], ["measured"])
-    assert not {"slip", "tip-over margin"} & set(curves)
+    known = shown_plots(a_run(heading_rad=math.nan, slip=math.nan, margin_rad=math.nan, pitch_rate_rad_s=0.1))
+    assert [curve.label for plot in known for curve in plot.curves][:2] == ["estimate ± 2 σ", "measured"]
+    assert not {"slip", "tip-over margin"} & {plot.title for plot in known}
 
 
 @pytest.mark.parametrize(

@@ -47,12 +47,10 @@ def drive(
     if bench and record:
         raise SettingsError("--bench and --record: give one of them")
     file = read_robot(robot)
-    if file.handset is None and not record:
-        raise SettingsError(f'{robot}: no [handset], and only --record needs none; add link = "keyboard" or "gamepad"')
     claim(out, force=force)
     limit_s = math.inf if seconds is None else seconds
     say(WARNING)
-    with _keys(not record and file.tables["handset"].link == "keyboard"):
+    with _keys(file.handset is not None and file.handset.link == "keyboard"):
         if record:
             values = runs.record(file, out, limit_s)
         elif bench:

@@ -183,6 +183,7 @@ class Arming:
         """
         session, chair, limits = self._session, self._chair, self._robot.limits
         has_joints = chair.seat is not None or chair.flipper is not None
+        _require(self._robot.handset is not None, "no [handset] in the robot file, and only --record needs none; add the table")
         lacks = f"{chair.name} has a seat or a flipper, and the robot file no [joints]"
         _require(self._robot.joints is not None or not has_joints, f"{lacks}; add the table, or give mission.chair without them")
         wanted: dict[type, str] = {TrackReading: "drives", ImuSample: "imu", OperatorInput: "handset"}

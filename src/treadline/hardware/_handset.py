@@ -67,14 +67,9 @@ class Keyboard:
             self._key, self._pressed_s = key, now_s
         # A key that was pressed once is not held: a repeat must have followed.
         held = self._key in KEYS and self._pressed_s > self._first_s and now_s - self._pressed_s <= HELD_S
-        return self._reports.of(
-            now_s,
-            KEYS[self._key] if held else (0.0, 0.0),
-            dead_man=held,
-            rearm=held,
-            flight_ends=self._key == "e" and now_s - self._pressed_s <= REPORT_S,
-            go_back=self._key == "b" and now_s - self._pressed_s <= REPORT_S,
-        )
+        is_new = now_s - self._pressed_s <= REPORT_S
+        words = {"flight_ends": is_new and self._key == "e", "go_back": is_new and self._key == "b"}
+        return self._reports.of(now_s, KEYS[self._key] if held else (0.0, 0.0), dead_man=held, rearm=held, **words)
 
     def close(self) -> None:
         """Leave the terminal as it is: the verb that set its mode restores it."""

@@ -128,11 +128,8 @@ class CanAxes:
 
     def _received(self) -> list[can.Message]:
         """Return the messages of the host."""
-        messages = []
-        while (message := self._bus.recv(0)) is not None:
-            if message.arbitration_id >> simple.COMMAND_BITS in self._axes:
-                messages.append(message)
-        return messages
+        messages = iter(lambda: self._bus.recv(0), None)
+        return [message for message in messages if message and message.arbitration_id >> simple.COMMAND_BITS in self._axes]
 
     def _obey(self, message: can.Message) -> None:
         node, command = divmod(message.arbitration_id, 1 << simple.COMMAND_BITS)
