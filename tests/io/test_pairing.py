@@ -100,17 +100,13 @@ def test_in_a_log_of_ours_a_calibration_that_changes_is_that_of_the_frames_time(
     assert [(number_of(paired), paired.frame.camera.fx_px) for paired in found] == list(enumerate(focal_px))
 
 
-def test_a_calibration_of_another_size_is_refused() -> None:
+def test_a_calibration_of_another_size_or_without_a_focal_length_makes_no_frame() -> None:
     pairing = Pairing(has_colour=False)
     pairing.depth(depth(0))
     with pytest.raises(ImageError, match=r"sizes differ: an image of 4×3 at 0\.000 s, calibrated for 8×6"):
         pairing.calibrate(camera(8, 6))
-
-
-def test_a_rejected_calibration_makes_no_frame() -> None:
     pairing = Pairing()
-    pairing.colour(colour(1))
-    pairing.depth(depth(1))
+    assert pairing.colour(colour(1)) == pairing.depth(depth(1)) == []
     with pytest.raises(ImageError, match="no intrinsics: fx = 0"):
         pairing.calibrate(camera(focal_px=0.0))
     assert pairing.depth(depth(2)) == []
