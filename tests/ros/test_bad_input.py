@@ -14,7 +14,6 @@ import pytest
 from wires import Air
 from world import limits
 
-import treadline
 from treadline.cli import doctor, main
 from treadline.core.errors import TreadlineError
 from treadline.core.signals import PlantState, SeatReading, VelocityCommand
@@ -31,8 +30,7 @@ from treadline.ros.node_process import NodeRunner, run_plant
 from treadline.ros.plant_node import PlantNode
 from treadline.ros.wire import Inbox
 from treadline.scenario.chair import read_chair
-
-CHAIRS = Path(treadline.__file__).parent / "data" / "chairs"
+from treadline.scenario.shipped_files import CHAIRS
 
 
 class Bench(ReplayPlant):
