@@ -82,7 +82,7 @@ def test_without_a_terminal_the_keyboard_is_refused(tmp_path: Path) -> None:
         Keyboard(file.fileno())
 
 
-def test_a_gamepad_is_read_by_the_kernels_events(tmp_path: Path) -> None:
+def test_a_gamepad_is_read_by_the_kernels_events_and_a_missing_one_is_named(tmp_path: Path) -> None:
     pad = tmp_path / "js0"
     # struct js_event: time [ms], value, type (1 button, 2 axis; 128 initial state), number.
     events = [(0, 1, 1, 4), (5, 1, 129, 7), (9, -32767, 2, 1), (9, 16384, 130, 0), (9, 30000, 2, 5)]
@@ -94,8 +94,5 @@ def test_a_gamepad_is_read_by_the_kernels_events(tmp_path: Path) -> None:
     assert isinstance(stick, StickReading)
     assert (stick.speed, stick.turn) == (1.0, pytest.approx(-0.5, abs=1e-4))
     link.close()
-
-
-def test_a_gamepad_that_is_missing_is_named(tmp_path: Path) -> None:
     with pytest.raises(LinkError, match=r"js7: No such file or directory; plug the gamepad in"):
         Gamepad(str(tmp_path / "js7"))

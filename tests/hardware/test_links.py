@@ -32,12 +32,13 @@ from treadline.core.signals import ImuSample, SeatReading
 from treadline.hardware import _serial_link
 from treadline.hardware._can_link import CanSimpleLink
 from treadline.hardware._frame import Kind, Present, frame_of
+from treadline.hardware._robot_plant import CameraThread
 from treadline.hardware._serial_link import SerialLink
 from treadline.hardware.emulators._faults import Faults
 from treadline.hardware.emulators._firmware import DriveBox, Inputs, Readings
 from treadline.hardware.emulators._serial import SOUND
 from treadline.hardware.emulators.camera import FrameFile
-from treadline.hardware.ports import BoxReading, DriveLink, DriveState, JointLink
+from treadline.hardware.ports import BoxReading, DriveLink, DriveState, JointLink, StickReading
 
 HOST = """
 import sys
@@ -210,6 +211,12 @@ def test_an_emulator_shows_nothing_of_the_one_before(tmp_path: Path) -> None:
         (tmp_path / name).touch()
     FrameFile(tmp_path / "chair")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_camera_whose_clock_goes_back_is_named() -> None:
+    camera = CameraThread([SimpleNamespace(frame=StickReading(t_s=t_s, speed=0.0, turn=0.0)) for t_s in (1.0, 1.1, 0.6)])
+    camera.close()
+    assert (camera.count, camera.error) == (2, "its clock went back by 0.50 s; connect it anew and start again")
 
 
 def test_a_speed_that_is_not_a_number_stops(line: tuple[int, str, ExitStack]) -> None:
