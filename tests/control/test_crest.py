@@ -98,7 +98,7 @@ def test_a_tip_that_never_finds_the_landing_keeps_the_chair_where_it_is() -> Non
     reached = chair.run(12.0)
     # After eight seconds the sequence is barred.
     assert (reached.stage, reached.speed_m_s) == ("barred", 0.0)
-    assert chair.angle_rad == pytest.approx(-75.0 * DEG)
+    assert chair.angle_rad < -70.0 * DEG  # straight down and further: 28° plus 42°
     waiting = chair.nosing_m
     chair.run(5.0)
     assert chair.nosing_m == waiting
@@ -108,7 +108,7 @@ def test_a_tip_that_never_finds_the_landing_keeps_the_chair_where_it_is() -> Non
 @pytest.mark.parametrize("payload_kg", [0.0, 12.0, 110.0])
 def test_a_tip_that_stands_on_the_nosing_itself_is_lifted_and_tries_again_further_on(payload_kg: float, slope_deg: float) -> None:
     """Test: belts have slipped, and the flipper, hardly lowered, lifts the chair by a degree. Expected result: the flipper is
-    raised, the chair moves on by 13 cm, and the flipper reaches again; after at least two
+    raised, the chair moves on by 5 cm, and the flipper reaches again; after at least two
     such attempts the sequence is barred, with the centre of mass still behind the assumed nosing."""
     chair = Summit(0.6, pitch_deg=slope_deg, payload_kg=payload_kg)
     tries, stage, before_m = 0, "slow", math.inf
@@ -116,7 +116,7 @@ def test_a_tip_that_stands_on_the_nosing_itself_is_lifted_and_tries_again_furthe
         chair.pitch_deg = slope_deg
         chair.until("reach")
         if tries > 0:
-            assert before_m - chair.nosing_m == pytest.approx(0.13, abs=0.01)
+            assert before_m - chair.nosing_m == pytest.approx(0.05, abs=0.005)
         before_m = chair.nosing_m
         chair.pitch_deg += 1.2
         while (command := chair.run(0.01, tip_n=60.0)).stage == "reach":

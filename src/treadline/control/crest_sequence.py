@@ -5,8 +5,9 @@ Paper: Section II.A, Fig. 3(b) ("variable angle of attack"); the sequence is our
 
 Without a flipper a chair whose centre of mass passes the last nosing falls onto its front. With a flipper there are five
 stages: climb; slow down and align the flipper with the belts; stand still and reach down until the tip carries load; drive
-on with the flipper holding until the centre of mass has passed; lower the pitch. The tip load is measured by motor torque,
-and by the pitch when the flipper lifts the chair.
+on with the flipper holding until the centre of mass has passed; lower the pitch. The flipper reaches down as soon as its axis is
+over the landing's edge: above a low last step the chair tips about the nosing before, and nothing else would bear it. The tip load
+is measured by motor torque, and by the pitch when the flipper lifts the chair.
 """
 
 import math
@@ -51,9 +52,6 @@ LIES_S = 1.0
 """Time nearly horizontal with an unloaded tip after which the belts lie on the landing [s], despite the error of gravity."""
 
 
-REACH_FROM_M = 0.08
-"""Distance of the front pulley past the landing's edge at which the flipper reaches down [m], before the chair can tip from a high
-nosing behind it onto the last: 0.16 m at the earliest. A tip that reaches down 15 cm too early stands on the nosing and retries."""
 LEAD_M_S = 0.03
 """Speed while the pitch is lowered [m/s]: the further the chair moves, the more load the flipper carries."""
 SLIDE_M_S = 0.06
@@ -91,7 +89,7 @@ class Crest(Sequencer[Stage]):
                 self._stage, self._cause = "barred", cause
             case "climb" if self._edge_past_m > -self._geometry.length_m:
                 self._stage = "slow"
-            case "slow" if self._edge_past_m > REACH_FROM_M:
+            case "slow" if self._edge_past_m > 0.0:
                 self._stage, self._waited_s, self._least_m = "reach", 0.0, math.inf
             case "reach" if self._tip.carries or self._is_lifted(pitch):
                 self._meet(pitch, flipper)
@@ -152,8 +150,7 @@ class Crest(Sequencer[Stage]):
 
     def _may_go_on(self, pitch: float) -> bool:
         """Return whether another attempt leaves the centre of mass behind the nosing, even if its first position was correct."""
-        goes_m = REACH_FROM_M + (self._tries + 1) * (EARLY_M + REACH_FROM_M)
-        return plumb(self._loading, pitch) < self._geometry.pivot_m - goes_m
+        return plumb(self._loading, pitch) < self._geometry.pivot_m - (self._tries + 1) * EARLY_M - PLACE_M
 
     def _act(self, pitch: float, flipper: FlipperReading, speed: float, dt_s: float) -> tuple[float, float]:
         match self._stage:
