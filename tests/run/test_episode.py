@@ -22,6 +22,7 @@ from treadline.run.resolve import mission_config, ready, resolve
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair, Control, DriveSettings, Scenario, Sensors, Stair, Start
 from treadline.scenario.shipped_files import shipped_controller
+from treadline.scenario.stair import StepOverride
 
 # Literals, so that a changed value in the code is detected here.
 SEAT_SHIFT_M = 0.1
@@ -133,6 +134,19 @@ def test_a_chair_that_falls_from_a_nosing_two_millimetres_high_is_caught(seed: i
     run = traverse(scenario, controller=shipped_controller("wheelchair"), seed=seed)
     assert run.verdict == "arrived"
     assert run.scores.passenger_max_m_s2 < 3.2
+
+
+@pytest.mark.parametrize("below_m", [0.014, 0.03])
+def test_above_a_low_last_step_the_flipper_bears_the_chair_before_it_tips(below_m: float) -> None:
+    """Test: a shallow stair whose last riser is lower by as much, a passenger who leans 6 cm forward. Expected result: below
+    2.5 m/s² and 10 °/s. The chair tips about the nosing before the last; a flipper that reached down 8 cm later let it fall."""
+    step = (StepOverride(index=-1, rise_m=0.121 - below_m),)
+    trip = Trip(slope_deg=21.7, steps=6, stair={"run_m": 0.305}, chair={"payload_kg": 65.0, "lean_m": (0.06, 0.0)})
+    scenario = trip.scenario().model_copy(update={"start": Start(place="floor"), "step": step})
+    run = traverse(scenario, controller=shipped_controller("wheelchair"), seed=1)
+    assert run.verdict == "arrived"
+    assert run.scores.passenger_max_m_s2 < 2.5
+    assert run.scores.max_pitch_rate_deg_s < 10.0
 
 
 @pytest.mark.parametrize("slope_deg", [25.0, 30.0])
