@@ -22,7 +22,6 @@ from treadline.run.resolve import mission_config, ready, resolve
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair, Control, DriveSettings, Scenario, Sensors, Stair, Start
 from treadline.scenario.shipped_files import shipped_controller
-from treadline.scenario.stair import StepOverride
 
 # Literals, so that a changed value in the code is detected here.
 SEAT_SHIFT_M = 0.1
@@ -48,6 +47,9 @@ class Trip:
     duration_s: float = 90.0
     stair: dict[str, Any] = field(default_factory=dict)
     chair: dict[str, Any] = field(default_factory=dict)
+    start: dict[str, Any] = field(default_factory=dict)
+    check: bool = True
+    step: tuple[dict[str, Any], ...] = ()
     fault: tuple[dict[str, Any], ...] = ()
 
     def scenario(self) -> Scenario:
@@ -56,8 +58,9 @@ class Trip:
             {
                 "stair": stair,
                 "chair": self.chair,
-                "start": {"place": "floor" if self.direction == "up" else "landing", "heading_deg": self.heading_deg},
-                "drive": {"direction": self.direction, "duration_s": self.duration_s},
+                "start": {"place": "floor" if self.direction == "up" else "landing", "heading_deg": self.heading_deg} | self.start,
+                "drive": {"direction": self.direction, "duration_s": self.duration_s, "check": self.check},
+                "step": list(self.step),
                 "sensors": {"camera": self.camera},
                 "fault": list(self.fault),
             }
@@ -114,9 +117,8 @@ def test_it_leaves_a_flat_and_slippery_stair_without_sliding_off_its_nosings(pay
     With the flipper at its rest, 40° above the belts, its pulley slid off the last nosing but one: 25 and 26 °/s, 6 m/s².
     """
     stair = {"run_m": 0.338, "friction": (friction, 0.8 * friction), "steps": 11}
-    trip = Trip(direction="down", slope_deg=20.0, stair=stair, chair={"payload_kg": payload_kg})
-    scenario = trip.scenario().model_copy(update={"start": Start(place="flight", step=8)})
-    run = traverse(scenario, controller=shipped_controller("wheelchair"), seed=3)
+    start = {"place": "flight", "step": 8}
+    run = Trip(direction="down", slope_deg=20.0, stair=stair, chair={"payload_kg": payload_kg}, start=start).run(seed=3)
     assert (run.verdict, phases(run)[-2:]) == ("arrived", ["leave", "arrived"])
     assert run.scores.max_pitch_rate_deg_s < 10.0
     assert run.scores.passenger_max_m_s2 < 2.5
@@ -129,9 +131,9 @@ def test_a_chair_that_falls_from_a_nosing_two_millimetres_high_is_caught(seed: i
     From three stairs of 24 on which it was 3.5 to 4.2: the flipper still came down from its rest as the chair drove off, and
     riding it met no nosing in time. 2.4 to 2.9 now; 2.5 at most where the belts go along from 1 °/s on, which is worse elsewhere.
     """
-    trip = Trip(slope_deg=27.0, steps=7, stair={"rise_jitter_m": 0.002, "friction": (0.76, 0.61)}, chair={"payload_kg": 50.0})
-    scenario = trip.scenario().model_copy(update={"start": Start(place="flight", step=3)})
-    run = traverse(scenario, controller=shipped_controller("wheelchair"), seed=seed)
+    stair = {"rise_jitter_m": 0.002, "friction": (0.76, 0.61)}
+    start = {"place": "flight", "step": 3}
+    run = Trip(slope_deg=27.0, steps=7, stair=stair, chair={"payload_kg": 50.0}, start=start).run(seed)
     assert run.verdict == "arrived"
     assert run.scores.passenger_max_m_s2 < 3.2
 
@@ -140,10 +142,8 @@ def test_a_chair_that_falls_from_a_nosing_two_millimetres_high_is_caught(seed: i
 def test_above_a_low_last_step_the_flipper_bears_the_chair_before_it_tips(below_m: float) -> None:
     """Test: a shallow stair whose last riser is lower by as much, a passenger who leans 6 cm forward. Expected result: below
     2.5 m/s² and 10 °/s. The chair tips about the nosing before the last; a flipper that reached down 8 cm later let it fall."""
-    step = (StepOverride(index=-1, rise_m=0.121 - below_m),)
-    trip = Trip(slope_deg=21.7, steps=6, stair={"run_m": 0.305}, chair={"payload_kg": 65.0, "lean_m": (0.06, 0.0)})
-    scenario = trip.scenario().model_copy(update={"start": Start(place="floor"), "step": step})
-    run = traverse(scenario, controller=shipped_controller("wheelchair"), seed=1)
+    leans, low = {"payload_kg": 65.0, "lean_m": (0.06, 0.0)}, {"index": -1, "rise_m": 0.121 - below_m}
+    run = Trip(slope_deg=21.7, stair={"run_m": 0.305}, chair=leans, step=(low,)).run()
     assert run.verdict == "arrived"
     assert run.scores.passenger_max_m_s2 < 2.5
     assert run.scores.max_pitch_rate_deg_s < 10.0
@@ -153,13 +153,8 @@ def test_above_a_low_last_step_the_flipper_bears_the_chair_before_it_tips(below_
 def test_the_map_of_the_frame_that_gave_the_first_heading_counts(slope_deg: float) -> None:
     """Test: a start on a flight, 30° from square. Expected result: the chair turns from the first frame on, and not a frame later:
     0.1 s at 30° are 1.1° of the RMS heading over 80 s."""
-    scenario = Scenario(
-        stair=Stair(slope_deg=slope_deg, steps=20, width_m=2.4),
-        start=Start(place="flight", step=6, heading_deg=30.0),
-        drive=DriveSettings(duration_s=0.3),
-        sensors=Sensors(camera="statistical"),
-    )
-    events = traverse(scenario, controller=shipped_controller("wheelchair"), seed=0).events
+    start = {"place": "flight", "step": 6, "heading_deg": 30.0}
+    events = Trip(slope_deg=slope_deg, steps=20, stair={"width_m": 2.4}, start=start, duration_s=0.3).run(seed=0).events
     assert next(event.t_s for event in events if event.name == "climb") < 0.1
 
 
@@ -187,19 +182,15 @@ def test_what_check_forbids_does_not_move() -> None:
 
 @pytest.mark.parametrize(("asked", "verdict"), [(True, "refused"), (False, "diverged")])
 def test_a_start_beside_the_floor_ends_before_its_first_row(asked: bool, verdict: str) -> None:
-    start, drive = Start(lateral_m=4.0), DriveSettings(check=asked)
-    scenario = Trip().scenario().model_copy(update={"start": start, "drive": drive})
-    run = traverse(scenario, controller=shipped_controller("wheelchair"), seed=1)
+    run = Trip(start={"lateral_m": 4.0}, check=asked).run()
     assert run.verdict == verdict
     assert (run.scores, len(run.trace["t_s"])) == (None, 0)
     assert ("outside the flight" if asked else "touches nothing") in str(run.cause)
 
 
 def test_a_seat_that_cannot_be_level_at_the_start_is_reported_with_the_setting() -> None:
-    start, drive = Start(place="flight"), DriveSettings(check=False)
-    scenario = Trip(slope_deg=45.0).scenario().model_copy(update={"start": start, "drive": drive})
     with pytest.raises(SettingsError, match=r"start\.seat = 'level' is impossible: .*45\.0° .*; give start\.seat = 'chassis'"):
-        traverse(scenario, controller=shipped_controller("wheelchair"), seed=1)
+        Trip(slope_deg=45.0, start={"place": "flight"}, check=False).run()
 
 
 def test_no_more_than_a_tenth_of_a_metre_is_shifted() -> None:

@@ -57,13 +57,10 @@ def test_only_a_retreat_on_the_flight_rolls_back() -> None:
     assert roll_back(onward, 0.0 * pitch) == 0.0
 
 
-def test_lateral_drift_has_no_sign() -> None:
-    y = np.linspace(0.3, -0.1, 200)
-    assert score(trace(np.zeros(200), y_m=y)).lateral_m == pytest.approx(0.4)
-
-
-def test_a_short_run_has_no_steady_part() -> None:
-    assert score(trace(np.zeros(500))).steady_rms_heading_deg is None
+def test_a_short_run_has_no_steady_part_and_lateral_drift_no_sign() -> None:
+    scores = score(trace(np.zeros(200), y_m=np.linspace(0.3, -0.1, 200)))
+    assert scores.steady_rms_heading_deg is None
+    assert scores.lateral_m == pytest.approx(0.4)
 
 
 def test_comfort_is_the_acceleration_that_lasts() -> None:
