@@ -158,7 +158,7 @@ def test_faults_of_wiring_and_sensors_stop_the_chair_and_are_named(emulated: Emu
         wait_for(lambda: drive.has(cause), lambda: drive.lines)  # noqa: B023 - called at once
         fault_s = emulated.times(f"fault {fault}")[-1]
         stop_s = wait_for(lambda: [t_s for t_s in emulated.times("STOPPED") if t_s > fault_s])[0]  # noqa: B023 - called at once
-        assert stop_s - fault_s <= limit_s + 0.03  # a tick of the loop, of the guard and of the box
+        assert stop_s - fault_s <= limit_s + 0.05  # ticks of sensor, loop, guard and box; both times are rounded to 10 ms
         time.sleep(1.5)  # the fault has passed
         assert not [t_s for t_s in emulated.times("ARMED") if t_s > stop_s]
         emulated.robot.obey("re-arm")
