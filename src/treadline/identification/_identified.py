@@ -218,7 +218,7 @@ class Identified(ModelMethods, Printable):
     def _is_structure(self) -> bool:
         return self.found.step == "structure"
 
-    @property
+    @cached_property
     def _recent(self) -> list[InputOutputRecord]:
         return linear_systems.most_recent(self.fitted, RECENT)
 
