@@ -197,7 +197,7 @@ class Edge(Sequencer[Stage]):
                 return 0.0, self._stow(self._rest_rad, flipper)
             case _:
                 self._watch(pitch, dt_s)
-                return (-SLOW_M_S if self._is_up(flipper, 0.0) else 0.0), self._stow(OVER_BELTS_RAD, flipper)
+                return -(SLOW_M_S if self._is_up(flipper, 0.0) else SETTLE_M_S), self._stow(OVER_BELTS_RAD, flipper)
 
     def _com_margin(self, pitch: float) -> float:
         """Return the distance of the centre of mass before the nosing after the complete lift, estimated from the tip load."""

@@ -273,15 +273,14 @@ class Descent(FlightSituation):
         before = self._before_m
         is_near = before < KEEPS_M
         speed = -min(math.sqrt(SLOW_M_S**2 + 2.0 * GENTLE_M_S2 * max(before - KEEPS_M, 0.0)), self._config.cruise_m_s)
-        flipper = self._lift() if self._last_step_m < ENTER_FROM_M else self._lie()
-        plan = self.driving(speed, self._steering(blind=is_near), flipper)
+        plan = self.driving(speed, self._steering(blind=is_near), self._lie_or_lift())
         return replace(plan, pitch_feedforward_m_s=self._pitch_feedforward(), needs_stair=not is_near)
 
     def leave(self) -> MotionPlan:
         """Backs off the last nosings with the flipper lifted."""
         is_low = self._low_rad > 0.0
         speed, turn = (0.0, 0.0) if is_low else (-SLOW_M_S, self._level.keep(self._estimate))
-        return self.driving(speed, turn, self._lift())
+        return self.driving(speed, turn, self._lie_or_lift())
 
     def stow(self) -> MotionPlan:
         """Stands for good, and stows the flipper."""
@@ -292,8 +291,10 @@ class Descent(FlightSituation):
         """Distance of the front pulley before the last nosing but one [m]."""
         return self._before_m + 2.0 * self._pivot_m - self._step_m
 
-    def _lift(self) -> FlipperCommand | None:
-        """Return the command that lifts the flipper: slowly while the chair may lean on it."""
+    def _lie_or_lift(self) -> FlipperCommand | None:
+        """Return the command of a flipper that rides on the nosings, and is lifted off the last ones, slowly while the chair may lean on it."""
+        if self._last_step_m >= ENTER_FROM_M:
+            return self._lie()
         leans = self._flipper is not None and self._flipper.angle_rad < 0.0
         return self._flipper_planner.to(self.t_s, self._stepping_rad, lifts_rad_s=GENTLY_RAD_S if leans else FLIPPER_RAD_S)
 
