@@ -149,6 +149,27 @@ def test_above_a_low_last_step_the_flipper_bears_the_chair_before_it_tips(below_
     assert run.scores.max_pitch_rate_deg_s < 10.0
 
 
+@pytest.mark.parametrize(("lean_m", "below_m"), [(0.06, 0.038), (0.1, 0.048), (0.12, 0.025)])
+def test_over_a_low_top_step_the_flipper_bears_until_the_chair_has_backed_clear_of_it(lean_m: float, below_m: float) -> None:
+    """Test: down over a top riser that is lower by as much, with a passenger who leans forward unknown to the chair. Expected
+    result: a tip-over margin of 4° and 15 °/s. A flipper raised while the chair stood let it tip at 30 °/s, with -3° of margin."""
+    leans, low = {"payload_kg": 60.0, "lean_m": (lean_m, 0.0)}, {"index": -1, "rise_m": 0.126 - below_m}
+    run = Trip(direction="down", slope_deg=22.0, stair={"run_m": 0.31}, chair=leans, step=(low,)).run()
+    assert run.verdict == "arrived"
+    assert run.scores.min_stability_margin_deg > 4.0
+    assert run.scores.max_pitch_rate_deg_s < 15.0
+
+
+def test_off_the_last_nosings_the_flipper_rides_until_it_must_be_lifted() -> None:
+    """Test: down a flight with one riser lower by 7 mm, light passenger. Expected result: below 2 m/s². Lifted as the rear passed
+    the last nosing, the flipper let the chair rock freely on the two nosings left: 3.4 m/s²."""
+    run = Trip(
+        direction="down", slope_deg=22.6, stair={"run_m": 0.303}, chair={"payload_kg": 6.0}, step=({"index": 2, "rise_m": 0.119},)
+    ).run()
+    assert run.verdict == "arrived"
+    assert run.scores.passenger_max_m_s2 < 2.0
+
+
 @pytest.mark.parametrize("slope_deg", [25.0, 30.0])
 def test_the_map_of_the_frame_that_gave_the_first_heading_counts(slope_deg: float) -> None:
     """Test: a start on a flight, 30° from square. Expected result: the chair turns from the first frame on, and not a frame later:

@@ -59,8 +59,8 @@ RANGE_SPARE_M, SPARE_RAD = 0.02, 3.0 * DEG
 """Error of the centre of mass's place by the tip's load for which the flipper's range must suffice [m], 3 % of error of weight and
 reach at 0.6 m of reach; and margin to the end of that range [rad]."""
 LEAVE_M = 0.06
-"""Distance of the front pulley before the nosing at which the flipper is stowed [m]: until then the tip stabilises the chair on
-uneven nosings; shortly after, the flipper would touch the first of them."""
+"""Distance before the place where the flipper would touch the edge at which it is stowed [m]: until then the tip stabilises the
+chair on uneven nosings."""
 SETTLE_M_S = 0.05
 """Belt speed while the chair backs onto the nosings [m/s]."""
 
@@ -162,12 +162,16 @@ class Edge(Sequencer[Stage]):
                 self._begin("lift", pitch)
             case "lower" if pitch < self._level_rad + LIFTED_RAD or self._waited_s > 2.0 * PATIENCE_S:
                 self._stage = "barred"
-            case "settle" if self._edge_past_m < LEAVE_M:
+            case "settle" if self._edge_past_m < LEAVE_M - self._clears_m(flipper):
                 self._begin("leave", pitch)
             case "leave" if self._edge_past_m < 0.0 and self._is_up(flipper, OVER_BELTS_RAD - THERE_RAD):
                 self._stage = "done"
             case _:
                 pass
+
+    def _clears_m(self, flipper: FlipperReading) -> float:
+        """Return how far beyond its axis the flipper clears an edge that lies below the belts' line [m], along the belts."""
+        return max(-self._around.top.above_m, 0.0) / math.tan(max(-flipper.angle_rad, OVER_BELTS_RAD))
 
     def _is_near(self) -> bool:
         """Return whether the chair is where the tip is pressed down; the map shows ever better how far it is to be lifted."""
@@ -250,6 +254,8 @@ class Edge(Sequencer[Stage]):
         self._lead_rad = min(max(lead_rad, pitch - LIFTED_RAD), pitch + LIFTED_RAD)
         behind = self._lead_rad - pitch
         trim = (FLIPPER_PER_S if behind > 0.0 else YIELD_PER_S) * behind
+        if self._tip.load_n < UNLOADED_N:
+            trim = max(trim, 0.0)  # the flipper must not move away from a chair that may fall back onto it
         return per_pitch * (lead_rad_s + trim) + per_metre * speed
 
     def _watch(self, pitch: float, dt_s: float) -> None:

@@ -292,7 +292,10 @@ class Descent(FlightSituation):
         return self._before_m + 2.0 * self._pivot_m - self._step_m
 
     def _lie_or_lift(self) -> FlipperCommand | None:
-        """Return the command of a flipper that rides on the nosings, and is lifted off the last ones, slowly while the chair may lean on it."""
+        """Return the command of a flipper that rides on the nosings until the last ones.
+
+        It is lifted off those, slowly while the chair may lean on it.
+        """
         if self._last_step_m >= ENTER_FROM_M:
             return self._lie()
         leans = self._flipper is not None and self._flipper.angle_rad < 0.0
