@@ -4,6 +4,7 @@ import math
 
 import pytest
 from chassis import GEOMETRY, Chassis, known
+from world import belts, flipper, imu
 
 from treadline.control.edge_sequence import Edge
 from treadline.core.angles import DEG
@@ -153,23 +154,33 @@ def test_lifted_it_backs_on_until_the_front_pulley_is_about_to_leave_the_landing
     assert plumb(CONFIG, SLOPE) + chair.nosing_m < -0.2
 
 
-def test_then_it_stows_the_flipper_and_ends_when_the_front_has_left_the_landing() -> None:
+def test_then_it_stows_the_flipper_while_it_backs_on_and_ends_with_it_along_the_belts() -> None:
+    """Test: the tip bears until 6 cm before the edge. Expected result: on at 5 cm/s while the flipper rises; the front
+    has left the landing at the end. A chair that stood meanwhile fell forward off a low edge."""
     chair = Brink().lifted()
-    chair.until("leave", tip_n=40.0)
-    chair.until("done")
-    assert GEOMETRY.pivot_m + chair.nosing_m == pytest.approx(0.0, abs=0.01)
-    # Stowed clear of the landing behind it: above the belts' line.
-    assert chair.angle_rad > 0.0
-
-
-def test_the_front_pulley_does_not_leave_the_landing_before_the_flipper_is_up() -> None:
-    chair = Brink().lifted()
-    chair.until("leave", tip_n=40.0)
+    assert chair.until("leave", tip_n=40.0).speed_m_s == -0.05
+    assert GEOMETRY.pivot_m + chair.nosing_m == pytest.approx(0.06, abs=0.01)
     assert chair.angle_rad < -25.0 * DEG
-    assert chair.run(0.1).speed_m_s == 0.0
-    chair.run(4.0)
-    assert chair.angle_rad > 0.0
-    assert chair.run(0.1).speed_m_s == -0.1
+    chair.until("done")
+    assert chair.angle_rad > -3.0 * DEG
+    assert GEOMETRY.pivot_m + chair.nosing_m < 0.0
+
+
+def test_a_tip_stays_on_the_landing_while_a_chair_that_leans_to_the_rear_is_off_it() -> None:
+    """Test: the lifted chair tips half a degree further by itself. Expected result: the flipper yields with its tip loaded, and
+    does not rise without. The chair may fall back, and fell at 33 °/s onto a flipper that had risen by 11°."""
+    rises = []
+    for load_n_m in (0.0, 60.0):
+        chair = Brink().lifted()
+        chair.pitch_deg = LIFTED_DEG + 0.5
+        command = chair.sequence.step(
+            imu(chair.t_s + 0.2, chair.pitch_deg * DEG),
+            flipper(chair.t_s + 0.2, chair.angle_rad, -load_n_m),
+            belts(chair.t_s + 0.2, 0.0, 0.0),
+            chair.known(),
+        )
+        rises.append(command.flipper.rate_rad_s)
+    assert rises[0] <= 0.0 < rises[1]
 
 
 def test_a_chair_that_sinks_before_its_belts_lie_is_not_backed_on() -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from descending_chair import EDGE_M, STEPS, Landing, Script
-from world import CHAIR, PIVOT_M, RISE_M, RUN_M, SLOPE_RAD, TICK_S, World, estimate, flipper
+from world import CHAIR, PIVOT_M, RISE_M, RUN_M, SLOPE_RAD, TICK_S, World, estimate
 
 from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError
@@ -150,19 +150,19 @@ def test_near_the_last_nosing_a_chair_that_is_nearly_square_is_not_steered() -> 
 
 
 @pytest.mark.usefixtures("edge")
-def test_a_chair_that_leans_on_its_flipper_planner_is_let_down_gently_from_it() -> None:
-    """Test: the section is to be lifted from a degree below the belts' line, and from above it. Expected result: at 4 °/s, whatever
-    its motor measures just then; at 15 °/s."""
+def test_off_the_last_nosings_the_flipper_rides_on_and_is_then_lifted_gently() -> None:
+    """Test: off the last nosings with three of them under the belts, then with its front 0.25 m before the last but one. Expected
+    result: the flipper rides on, 2.5° below the belts' line. Then it is lifted, at 4 °/s from below that line, whatever its motor
+    measures, and at 15 °/s from above it."""
     world = Landing()
     world.run("leave", limit_s=120.0)
-    for angle_rad, torque_n_m, rate_rad_s in (
-        (-1.0 * DEG, -30.0, LETS_DOWN_RAD_S),
-        (-1.0 * DEG, 5.0, LETS_DOWN_RAD_S),
-        (0.1 * DEG, 0.0, FLIPPER_RAD_S),
-    ):
-        world.planner.update(flipper(world.t_s, angle_rad, torque_n_m))
-        lift = world.planner._lift()
-        assert lift.rate_rad_s == rate_rad_s
+    assert world.flipper_rate(RIDES_RAD) == pytest.approx(0.0, abs=0.1 * DEG)
+    assert world.flipper_rate(0.1 * DEG) < 0.0
+    while world.x_m / math.cos(SLOPE_RAD) + PIVOT_M - math.hypot(RUN_M, RISE_M) > 0.24:
+        world.tick()
+    assert world.flipper_rate(-1.0 * DEG, -30.0) == LETS_DOWN_RAD_S
+    assert world.flipper_rate(-1.0 * DEG, 5.0) == LETS_DOWN_RAD_S
+    assert world.flipper_rate(0.1 * DEG) == FLIPPER_RAD_S
 
 
 @pytest.mark.usefixtures("edge")
