@@ -168,6 +168,22 @@ def test_ground_counts_as_far_as_it_was_seen_and_driven() -> None:
     assert chair.cause(0.1) is None  # the frame at 9° is 3° old
 
 
+@pytest.mark.parametrize(("aside_m", "knows"), [(0.0, True), (0.7, True), (1.0, False)])
+def test_a_chair_that_has_turned_and_turned_back_may_back_over_what_it_had_driven(aside_m: float, knows: bool) -> None:
+    """Test: 1 m driven over seen ground, a turn by 10° in two parts, a drive in that heading and back, and the turn taken back.
+    Expected result: the metre is known again, unless the chair was more than 14 cm aside of it: 0.17 of the way."""
+    chair = Chair().look(**FRONT)
+    assert chair.goes(0.1, within_m=1.0) == pytest.approx(1.0, abs=0.002)
+    for chair.heading_rad in (6.0 * DEG, 10.0 * DEG):
+        chair.cause(0.0)
+    assert chair.cause(-0.1) == "the ground 0.00 m behind the belts was neither seen nor driven over"
+    for speed_m_s in (0.1, -0.1):
+        chair.look(**FRONT).goes(speed_m_s, within_m=0.5 * aside_m)
+    for chair.heading_rad in (5.0 * DEG, 0.0):
+        chair.cause(0.0)
+    assert (chair.cause(-0.1) is None) == knows
+
+
 def test_an_end_below_the_image_lies_aside_after_a_turn() -> None:
     chair = Chair().look(**FRONT | {"seen_m": 0.85, "end_m": 0.85, "end_sigma_m": 0.0})
     chair.heading_rad = 90.0 * DEG

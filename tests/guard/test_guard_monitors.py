@@ -617,6 +617,16 @@ def test_beyond_the_stair_it_stops_before_what_stands_on_the_level(phase: Any) -
     assert watch.cause(0.9, 0.25) is None
 
 
+@pytest.mark.parametrize(("last_m", "stops"), [(1.1, True), (1.5, False)])
+def test_a_step_before_the_flights_last_nosing_is_no_obstacle_on_the_landing(last_m: float, stops: bool) -> None:
+    """Test: frames from a flight show something 1.2 m away, the last nosing of the map before it and beyond it. Expected result:
+    held before the former alone; a tread of open risers held a chair on its flight."""
+    watch = ahead(LENGTHS, places=on_a_line(0.8, last_m))
+    for _ in range(2):
+        watch.look_on(1.2, replace(plan("climb"), needs_stair=False), 0.0)
+    assert (watch.cause(0.0, 0.25) is not None) == stops
+
+
 def test_it_stops_before_gaps_and_slows_until_it_is_past_them() -> None:
     """Test: a gap that begins 1.75 m from mid-track. Expected result: slow, held near it and over it, free behind it."""
     watch = ahead(LENGTHS, places=on_a_line(1.25, 1.75, 2.5))

@@ -27,6 +27,10 @@ class _Ground:
         """Places up to which the ground is known, and up to which the latest frame shows it."""
         self._heading_rad = self._seen_rad = self._known_rad = self._nosing_rad = math.inf
         """Headings of the latest tick, of the latest frame and of the latest map, and for which the known ground holds."""
+        self._driven_m, self._under_m = -math.inf, math.nan
+        """Places up to which the chair has driven at this heading, and where it is."""
+        self._strips: list[tuple[float, float, float]] = []
+        """Ground driven before a turn: its heading, its end, and how far aside of it the chair has driven since."""
         self.rise_m = self._rising_m = math.inf
         """Nearest place of a rising flight's nosing in two maps that agree, since the chair came onto flat ground, and in the
         latest. What ends beyond it is not this ground: below open risers the floor is in view between the treads."""
@@ -95,17 +99,30 @@ class _Ground:
     def drive(self, under_m: float, heading_rad: float, square_rad: float, *, on_flight: bool) -> None:
         """Add the ground under the belts; after a turn only that is known, and the latest frame if it was taken since.
 
+        A chair that has turned back, and not driven aside meanwhile, knows again what it had driven over.
+
         An edge is past once the chair has tipped over it onto a flight. While the heading is unknown, an end is kept, and so is the
         straight edge of a flight that the maps have confirmed: a chair within 45° of the heading of the last map still crosses it.
         """
         turn_rad, self._heading_rad = abs(heading_rad - self._known_rad), heading_rad
         if not turn_rad <= square_rad:
             lies_aside = square_rad < abs(heading_rad - self._seen_rad) < math.inf
+            self._strips.append((self._known_rad, self._driven_m, 0.0))
             self.known_m, self._known_rad = -math.inf if lies_aside else self._seen_m, heading_rad
+            self._driven_m = under_m
+        self._recall(under_m, heading_rad, square_rad)
         crosses = self.is_confirmed and abs(heading_rad - self._nosing_rad) < 0.25 * math.pi
         if (square_rad < turn_rad < math.inf and not crosses) or (on_flight and under_m > self.end_m):
             self._forget_end()
-        self.known_m = max(self.known_m, under_m)
+        self.known_m = max(self.known_m, self._driven_m)
+
+    def _recall(self, under_m: float, heading_rad: float, square_rad: float) -> None:
+        """Add what the chair has driven over, also at this heading before it turned; an unknown heading forgets that."""
+        moved_m, self._under_m = abs(under_m - self._under_m), under_m
+        aside = [(rad, end_m, aside_m + moved_m * abs(heading_rad - rad)) for rad, end_m, aside_m in self._strips]
+        self._strips = [strip for strip in aside if strip[2] < SAME_M]
+        again = [end_m for rad, end_m, _ in self._strips if abs(heading_rad - rad) <= square_rad]
+        self._driven_m = max(self._driven_m, under_m, *again)
 
     @property
     def is_confirmed(self) -> bool:

@@ -96,6 +96,8 @@ class AheadMonitor:
         self._obstacle = ObstacleMonitor()
         self._level = FlatGroundMonitor()
         self._gap = GapMonitor(config.track_span_m)
+        self._flight_m = -math.inf
+        """Place of the farthest nosing of the latest map [m]; flat ground beyond the stair begins there."""
 
     def look(self, stair: StairMap, places: Sequence[Sequence[float]], travel_m: float) -> None:
         """Update with one map.
@@ -108,13 +110,16 @@ class AheadMonitor:
         self._sign = 1.0 if stair.direction == "up" else -1.0
         self._obstacle.look(stair.obstacle_m, travel_m)
         self._gap.look(places, travel_m)
+        self._flight_m = travel_m + places[-1][0] if places else -math.inf
 
     def look_on(self, obstacle_m: float | None, plan: MotionPlan | None, travel_m: float) -> None:
-        """Update with the obstacle of one frame on flat ground; ignored at the foot of a stair, where it is the first step."""
+        """Update with the obstacle of one frame on flat ground; a step is none, at a stair's foot or before its last nosing."""
         if plan is None or plan.needs_stair or plan.phase not in FLIGHT + OVER:
             self._level = FlatGroundMonitor()
-        else:
-            self._level.look(obstacle_m, self._sign * travel_m)
+            return
+        travel_m *= self._sign
+        is_step = obstacle_m is not None and travel_m + obstacle_m < self._flight_m - SAME_M
+        self._level.look(None if is_step else obstacle_m, travel_m)
 
     def cause(self, travel_m: float, speed_m_s: float) -> str | None:
         """Return the obstacle or gap from which the chair would not keep its distance at this speed; None if there is none.
