@@ -20,28 +20,28 @@ def ride(x_m: np.ndarray, belts_m_s: float, *, pitch_deg: float = 28.0, heading_
     return [truth(0.01 * k, x_m=float(x), **moved) for k, x in enumerate(x_m)]
 
 
-def slid(samples: list[Truth], *, upward: bool = True) -> float:
-    watch = SlideWatch(upward=upward)
-    return max(watch.update(sample) for sample in samples)
+BACK_M = np.linspace(2.0, 1.4, 301)
+"""Places of a chair that goes back at 0.2 m/s."""
 
 
-@pytest.mark.parametrize("belts_m_s", [0.0, 0.2])
-def test_a_chair_that_goes_back_while_its_belts_do_not_slides(belts_m_s: float) -> None:
-    back = np.linspace(2.0, 1.4, 301)
-    assert slid(ride(back, belts_m_s)) == pytest.approx(0.6)
-    assert slid(ride(-back, -belts_m_s), upward=False) == pytest.approx(0.6)
-
-
-def test_a_chair_that_backs_away_on_its_belts_does_not() -> None:
-    # 0.2 m/s for 3 s; and twice as fast as its belts, half of it is a slide.
-    assert slid(ride(np.linspace(2.0, 1.4, 301), -0.2)) == pytest.approx(0.0, abs=1e-12)
-    assert slid(ride(np.linspace(2.0, 0.8, 301), -0.2)) == pytest.approx(0.6)
-
-
-def test_a_chair_on_the_level_or_that_recovers_does_not() -> None:
-    assert slid(ride(np.linspace(2.0, 1.4, 301), 0.0, pitch_deg=2.0)) == 0.0
-    slips = np.concatenate([np.linspace(0.0, -0.2, 50), np.linspace(-0.2, 1.0, 50)] * 2)
-    assert slid(ride(slips[:100], 0.2)) == pytest.approx(0.2)
+@pytest.mark.parametrize(
+    ("samples", "roll_back_m"),
+    [
+        (ride(BACK_M, 0.0), 0.6),
+        (ride(BACK_M, 0.2), 0.6),
+        # On its belts it does not slide; twice as fast, half of the distance is a slide.
+        (ride(BACK_M, -0.2), 0.0),
+        (ride(np.linspace(2.0, 0.8, 301), -0.2), 0.6),
+        # On the level it does not slide, and slides are no sum: the chair recovers.
+        (ride(BACK_M, 0.0, pitch_deg=2.0), 0.0),
+        (ride(np.concatenate([np.linspace(0.0, -0.2, 50), np.linspace(-0.2, 1.0, 50)]), 0.2), 0.2),
+    ],
+)
+def test_a_chair_that_goes_back_while_its_belts_do_not_slides(samples: list[Truth], roll_back_m: float) -> None:
+    watch, down = SlideWatch(upward=True), SlideWatch(upward=False)
+    assert max(map(watch.update, samples)) == pytest.approx(roll_back_m, abs=1e-12)
+    mirrored = [replace(at, x_m=-at.x_m, left_m_s=-at.left_m_s, right_m_s=-at.right_m_s) for at in samples]
+    assert max(map(down.update, mirrored)) == pytest.approx(roll_back_m, abs=1e-12)
 
 
 @pytest.mark.parametrize(("metres", "fell"), [(0.49, False), (0.51, True)])

@@ -3,6 +3,7 @@
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import jaxtyping
@@ -11,7 +12,7 @@ import pytest
 
 from treadline.core.errors import SettingsError
 from treadline.core.ports import Truth
-from treadline.core.signals import TrackCommand
+from treadline.mission.belt_controllers import ConstantSpeed
 from treadline.mission.mission_blocks import planner_of
 from treadline.mission.mission_config import is_full_traversal
 from treadline.mission.planner import Cruise
@@ -20,7 +21,7 @@ from treadline.run.episode import Traverse, run_episode, traverse
 from treadline.run.recorded_run import recorded_run
 from treadline.run.resolve import mission_config, ready, resolve
 from treadline.scenario.chair import read_chair
-from treadline.scenario.scenario import Chair, Control, DriveSettings, Scenario, Sensors, Stair, Start
+from treadline.scenario.scenario import Chair, Control, DriveSettings, Scenario, Stair, Start
 from treadline.scenario.shipped_files import shipped_controller
 
 # Literals, so that a changed value in the code is detected here.
@@ -245,37 +246,18 @@ def test_a_held_chair_that_is_watched_on_and_tips_has_fallen(monkeypatch: pytest
     assert (trip.run(after_hold_s=1.5).verdict, trip.run().verdict) == ("fell", "held")
 
 
-@dataclass
-class Straight:
-    """An experiment's own driver."""
-
-    period_s: float = 0.25
-    follows_plan: bool = False
-
-    def step(self, estimate: object, t_s: float, plan: object) -> TrackCommand:
-        del estimate, plan
-        return TrackCommand(t_s=t_s, left_m_s=0.2, right_m_s=0.2)
-
-
 @pytest.mark.parametrize(
     ("control", "model", "driver"),
     [
         ({"loop": "open"}, "wheelchair", None),
         ({"vision": "paper"}, "wheelchair", None),
         ({}, "wheelchair-fixed", None),
-        ({}, "wheelchair", Straight()),
+        ({}, "wheelchair", ConstantSpeed(0.2, 0.25)),
     ],
     ids=["open loop", "the paper's vision", "no flipper", "an experiment's driver"],
 )
-def test_what_is_not_whole_drives_the_flight_alone(control: dict[str, Any], model: str, driver: Straight | None) -> None:
-    scenario = Scenario(
-        stair=Stair(),
-        chair=Chair(model=model),
-        start=Start(place="flight"),
-        drive=DriveSettings(),
-        control=Control(**control),
-        sensors=Sensors(),
-    )
+def test_what_is_not_whole_drives_the_flight_alone(control: dict[str, Any], model: str, driver: ConstantSpeed | None) -> None:
+    scenario = Scenario(chair=Chair(model=model), start=Start(place="flight"), control=Control(**control))
     config = mission_config(scenario, None)
     assert not is_full_traversal(config, driver)
     assert isinstance(planner_of(config, driver), Cruise)
@@ -297,25 +279,17 @@ def test_a_run_along_one_flight_ends_where_the_front_pulley_meets_the_last_nosin
     assert run.trace["x_m"][-1] == pytest.approx(7 * pitch_m - half_m, abs=0.01)
 
 
-class Blindfolded:
-    """A simulated chair that offers no ground truth, as a real one."""
-
-    virtual_time = True
-
-    def __init__(self, scenario: Scenario, seed: int) -> None:
-        plant = open_plant(scenario, seed)
-        self.start, self.advance, self.read, self.write, self.close = (
-            plant.start,
-            plant.advance,
-            plant.read,
-            plant.write,
-            plant.close,
-        )
+def blindfolded(scenario: Scenario, seed: int) -> Any:
+    """Return a simulated chair that offers no ground truth, as a real one."""
+    plant = open_plant(scenario, seed)
+    return SimpleNamespace(
+        virtual_time=True, start=plant.start, advance=plant.advance, read=plant.read, write=plant.write, close=plant.close
+    )
 
 
 def test_a_plant_without_ground_truth_runs_and_has_no_scores(tmp_path: Path) -> None:
     scenario = Trip(duration_s=0.5).scenario()
-    setup = resolve(scenario, seed=5, open_plant=Blindfolded)
+    setup = resolve(scenario, seed=5, open_plant=blindfolded)
     run = recorded_run(tmp_path, setup)
     known = run_episode(resolve(scenario, seed=5))
     assert (run.verdict, run.scores, known.verdict) == ("time_up", None, "time_up")
@@ -328,6 +302,6 @@ def test_a_plant_without_ground_truth_runs_and_has_no_scores(tmp_path: Path) -> 
 
 def test_a_fault_is_injected_into_a_plant_without_ground_truth_as_well() -> None:
     scenario = Trip(duration_s=2.0, fault=({"kind": "imu_lost", "at_s": 0.5},)).scenario()
-    run = run_episode(resolve(scenario, seed=5, open_plant=Blindfolded))
+    run = run_episode(resolve(scenario, seed=5, open_plant=blindfolded))
     assert (run.verdict, run.scores) == ("held", None)
     assert "no IMU sample" in run.cause

@@ -110,7 +110,7 @@ class Crest(Sequencer[Stage]):
 
     def _cannot_reach(self) -> str:
         """Return the reason why the flipper cannot stand on the landing as the centre of mass passes, or an empty string."""
-        slope, sigma = self._lies
+        slope, sigma = self._lies()
         least_rad = slope - SIGMAS * sigma - LIFTED_RAD
         if self._most_before_m(least_rad) > -PLACE_M:
             return ""
@@ -124,8 +124,8 @@ class Crest(Sequencer[Stage]):
         ahead_m = self._geometry.pivot_m - self._edge_past_m
         if ahead_m < self._least_m - PLACE_M:
             self._waited_s, self._least_m = 0.0, ahead_m
-        if self._is_lifted(pitch) and pitch > self._lies[0] + OFF_RAD:
-            lifted = (pitch - self._lies[0]) / DEG
+        if self._is_lifted(pitch) and pitch > self._lies()[0] + OFF_RAD:
+            lifted = (pitch - self._lies()[0]) / DEG
             return f"the flipper lifted the chair by {lifted:.1f}°, and stands on something else than the landing"
         if self._waited_s < PATIENCE_S:
             return ""
@@ -171,7 +171,7 @@ class Crest(Sequencer[Stage]):
 
     def _is_lifted(self, pitch: float) -> bool:
         """Return whether a loaded tip holds the chair above its nosings: a light chair is lifted before the tip carries."""
-        return self._tip.load_n > UNLOADED_N and pitch > self._lies[0] + LIFTED_RAD
+        return self._tip.load_n > UNLOADED_N and pitch > self._lies()[0] + LIFTED_RAD
 
     def _carry(self, pitch: float, flipper: FlipperReading, speed: float, dt_s: float) -> tuple[float, float]:
         self._refine(pitch, flipper, dt_s)

@@ -83,7 +83,6 @@ class Edge(Sequencer[Stage]):
     ) -> None:
         super().__init__(loading, "approach", around)
         self._wanted_rad, self._least_rad = wanted_rad, least_rad
-        self._max_rate_rad_s = self._flipper.max_rate_deg_s * DEG
         self._level_rad = 0.0
         self._highest_rad = self._waited_s = 0.0
         self._turns_back = False
@@ -108,7 +107,7 @@ class Edge(Sequencer[Stage]):
 
     def _aim(self) -> None:
         """Set pitch and place of the lift by the slope of the uppermost nosings."""
-        self._slope_rad = self._lies[0]
+        self._slope_rad = self._lies()[0]
         self._target_rad, self._keep_m = self._lift(self._slope_rad) or (
             self._slope_rad,
             before_for_margin(self._loading, self._slope_rad, self._least_rad),
@@ -217,7 +216,7 @@ class Edge(Sequencer[Stage]):
 
     def _follow_the_rear(self) -> None:
         """Lower the lifted pitch: the further the rear moves away on the floor, the less the chair is pitched."""
-        self._lifted_rad = min(self._lifted_rad, self._lies_at(-self._behind_m)[0])
+        self._lifted_rad = min(self._lifted_rad, self._lies(-self._behind_m)[0])
 
     def _balance(self, pitch: float) -> float:
         """Return the belt speed that keeps the centre of mass at its distance before the nosing after the complete lift."""
@@ -244,7 +243,7 @@ class Edge(Sequencer[Stage]):
         self._watch(pitch, dt_s)
         per_pitch, per_metre = self._geometry.rates(pitch, *self._place)
         to_go = target - self._lead_rad
-        fastest = min(TURN_RAD_S, FLIPPER_PER_S * abs(to_go), 0.9 * self._max_rate_rad_s / -per_pitch)
+        fastest = min(TURN_RAD_S, FLIPPER_PER_S * abs(to_go), 0.9 * self._flipper.max_rate_deg_s * DEG / -per_pitch)
         has_range = pitch + self._geometry.depression(pitch, *self._place) < -self._lowest_rad - SPARE_RAD
         if to_go > 0.0 and not has_range:
             fastest = 0.0

@@ -293,13 +293,11 @@ class Sequencer(ABC, Generic[StageT]):
             return math.inf
         return self._geometry.past(pitch, self._lowest_rad) - self._geometry.pivot_m + plumb(self._loading, pitch)
 
-    @property
-    def _lies(self) -> tuple[float, float]:
-        """Pitch at which the belts lie as the centre of mass passes the edge, and its standard deviation [rad]."""
-        return self._lies_at(0.0)
+    def _lies(self, ahead_m: float = 0.0) -> tuple[float, float]:
+        """Return the pitch at which the belts lie with the edge ahead of mid-track, and its standard deviation [rad].
 
-    def _lies_at(self, ahead_m: float) -> tuple[float, float]:
-        """Return the pitch at which the belts lie with the edge ahead of mid-track, and its standard deviation [rad]."""
+        Without a distance, the edge is at mid-track: there the centre of mass passes it.
+        """
         return self._around.lies(self._geometry.pivot_m, ahead_m, self._geometry.radius_m)
 
     def _com_beyond(self, pitch: float) -> float:

@@ -6,7 +6,6 @@ flipper end each phase; the plan carries the reason, which the mission logs as a
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 
 from treadline.control.belt_allocation import inner_speed_ratio
@@ -51,12 +50,11 @@ class Ascent(FlightSituation):
 
     Args:
         config: Chair, payload, speed and number of flights.
-        states: Table of states; None for ``STATES_UP``.
     """
 
-    def __init__(self, config: TraversalConfig, states: "Sequence[State[Ascent]] | None" = None) -> None:
+    def __init__(self, config: TraversalConfig) -> None:
         super().__init__(config, UP)
-        self._automaton = Automaton(STATES_UP if states is None else states)
+        self._automaton = Automaton(STATES_UP)
         self._end = ""
         self._traction: TractionTest | None = None
         self._pulses = 0

@@ -6,7 +6,6 @@ would pitch onto its front (docs/decisions/0013).
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 
 from treadline.control.belt_allocation import GENTLE_M_S2
@@ -49,12 +48,11 @@ class Descent(FlightSituation):
 
     Args:
         config: Chair, payload, speed and number of flights.
-        states: Table of states; None for ``STATES_DOWN``.
     """
 
-    def __init__(self, config: TraversalConfig, states: "Sequence[State[Descent]] | None" = None) -> None:
+    def __init__(self, config: TraversalConfig) -> None:
         super().__init__(config, DOWN)
-        self._automaton = Automaton(STATES_DOWN if states is None else states)
+        self._automaton = Automaton(STATES_DOWN)
 
     def face_flight(self) -> None:
         """Reset everything that belongs to one flight."""
