@@ -9,9 +9,11 @@ import shlex
 import shutil
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from chairs import changed_chair
+from world import imu
 
 from treadline.experiments.as_printed import paper_model
 from treadline.io.mcap_log import RunLog
@@ -43,6 +45,19 @@ def furnished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "latin.toml").write_bytes(b'[chair]\nmodel = "caf\xe9"\n')
     (folder / "frames").mkdir()
     write_frames(folder / "frames")
+    for name, value, size, kind in (
+        ("large", 1500, (480, 640), np.uint16),
+        ("8-bit", 90, (240, 320), np.uint8),
+        ("coloured", 90, (240, 320, 3), np.uint16),
+        ("zero", 0, (240, 320), np.uint16),
+        ("saturated", 65535, (240, 320), np.uint16),
+        ("small_rgb", 90, (100, 100, 3), np.uint8),
+    ):
+        cv2.imwrite(str(folder / f"{name}.png"), np.full(size, value, kind))
+    with RunLog(folder / "drive" / "log.mcap") as log:
+        for k in range(50):
+            log(imu(0.01 * k))
+    (folder / "cut.mcap").write_bytes((folder / "drive" / "log.mcap").read_bytes()[:1000])
     return folder
 
 

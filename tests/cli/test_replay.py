@@ -1,7 +1,6 @@
 """``treadline replay``: an unchanged run repeats itself bit for bit; settings change what they name; bad logs are one line."""
 
 import json
-import os
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -21,8 +20,6 @@ from treadline.io.mcap_read import LogDecoder, mcap_messages, read_log
 from treadline.io.message_types import seconds_of
 from treadline.io.runs import read_series
 from treadline.scenario.chair import read_chair
-
-from .conftest import assert_refused
 
 SCENARIO = """
 [stair]
@@ -314,43 +311,3 @@ def test_the_keys_are_listed(run, blind: Path) -> None:
     assert outcome.code == 0
     assert "filter.gate = 9" in outcome.out
     assert run("replay", blind, "--keys", "--json").values["keys"]["control.speed_m_s"] == "0.2"
-
-
-FAULTS: dict[str, tuple[Callable[[Path], Any], str]] = {
-    "cut in half": (lambda run: os.truncate(run / "log.mcap", (run / "log.mcap").stat().st_size // 2), "log.mcap"),
-    "no log": (lambda run: (run / "log.mcap").unlink(), "no log.mcap"),
-    "a scenario with an unknown key": (
-        lambda run: (run / "manifest.json").write_text('{"settings": {"stairs": {}}, "seed": 0}'),
-        "stairs",
-    ),
-}
-
-
-@pytest.mark.parametrize("fault", FAULTS)
-def test_a_faulty_run_folder_is_one_line_and_leaves_nothing(run, blind: Path, tmp_path: Path, fault: str) -> None:
-    spoil, word = FAULTS[fault]
-    bad = tmp_path / "bad"
-    shutil.copytree(blind, bad)
-    spoil(bad)
-    outcome = run("replay", bad, "--out", tmp_path / "out")
-    assert_refused(outcome, word)
-    assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "word"),
-    [
-        (["{run}"], "--out"),
-        (["--out", "{new}"], "log"),
-        (["{run}", "--out", "{run}", "--force"], "own folder"),
-        (["{run}/log.mcap", "--out", "{run}", "--force"], "own folder"),
-        (["{run}", "--out", "{run}/series.csv"], "is a file"),
-        (["{run}/series.csv", "--out", "{new}"], "not a message log"),
-        (["{run}", "--topics", "depth=/nowhere", "--out", "{new}"], "no such topic"),
-        (["{run}", "--topics", "sonar=/imu", "--out", "{new}"], "--topics"),
-    ],
-)
-def test_bad_arguments_are_one_line(run, blind: Path, tmp_path: Path, arguments: list[str], word: str) -> None:
-    filled = [argument.format(run=blind, new=tmp_path / "new") for argument in arguments]
-    assert_refused(run("replay", *filled), word)
-    assert not (tmp_path / "new").exists()

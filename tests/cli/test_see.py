@@ -174,37 +174,6 @@ def test_the_thresholds_of_algorithm_1_are_a_choice(run, folder: Path) -> None:
     assert run("see", *pair(folder), "--threshold", "otsu", "--out", folder / "stages").code == 0
 
 
-def test_images_of_another_size_are_named(run, folder: Path) -> None:
-    write_depth(folder / "a_depth.png", np.full((480, 640), 1500.0))
-    assert_refused(run("see", *pair(folder)), "a_depth.png", "640×480", "320×240")
-    cv2.imwrite(str(folder / "a_rgb.png"), np.zeros((100, 100, 3), np.uint8))
-    assert_refused(run("see", *pair(folder)), "a_rgb.png", "100×100")
-
-
-def test_depth_of_eight_bits_or_in_colour_is_refused(run, folder: Path) -> None:
-    cv2.imwrite(str(folder / "a_depth.png"), np.full((240, 320), 90, np.uint8))
-    assert_refused(run("see", *pair(folder)), "a_depth.png", "16-bit", "8-bit")
-    cv2.imwrite(str(folder / "a_depth.png"), np.full((240, 320, 3), 90, np.uint8))
-    assert_refused(run("see", *pair(folder)), "a_depth.png", "3 channel")
-
-
-@pytest.mark.parametrize(("count", "word"), [(0.0, "zero"), (65535.0, "saturated")])
-def test_depth_without_any_return_is_refused(run, folder: Path, count: float, word: str) -> None:
-    write_depth(folder / "a_depth.png", np.full((240, 320), count))
-    assert_refused(run("see", *pair(folder)), "a_depth.png", word)
-
-
-def test_what_is_no_image_is_refused(run, folder: Path) -> None:
-    (folder / "a_rgb.png").write_text("hello")
-    assert_refused(run("see", *pair(folder)), "a_rgb.png", "not an image")
-    (folder / "a_rgb.png").write_bytes(b"")
-    assert_refused(run("see", *pair(folder)), "a_rgb.png", "not an image")
-    (folder / "a_rgb.png").unlink()
-    assert_refused(run("see", *pair(folder)), "a_rgb.png", "no such file")
-    (folder / "a_rgb.png").mkdir()
-    assert_refused(run("see", *pair(folder)), "a_rgb.png", "folder")
-
-
 @pytest.mark.parametrize("name", ["a_rgb.png", "a_depth.png"])
 def test_a_damaged_picture_is_refused_in_one_line(capfd, folder: Path, name: str) -> None:
     whole = (folder / name).read_bytes()
@@ -230,15 +199,6 @@ def test_an_unreadable_pair_is_reported_and_the_others_are_evaluated(run, folder
     assert "a_depth.png: not an image" in broken["reason"]
     assert (whole["name"], whole.keys()) == ("b", broken.keys())
     assert "a: no heading: " in run("see", folder).out
-
-
-def test_a_folder_without_frames_is_refused(run, folder: Path) -> None:
-    (folder / "a_depth.png").unlink()
-    assert_refused(run("see", folder), "a_rgb.png", "NAME_depth.png")
-    (folder / "a_rgb.png").unlink()
-    assert_refused(run("see", folder), "NAME_depth.png")
-    (folder / "camera.toml").unlink()
-    assert_refused(run("see", folder), "camera.toml")
 
 
 def test_depth_alone_suffices(run, folder: Path) -> None:
