@@ -20,7 +20,7 @@ from treadline.guard._sensor_timeouts import SensorTimeouts, SilenceMonitor
 from treadline.guard._slip_monitor import SlipMonitor
 from treadline.guard._speed_limits import limited, mean_limit
 from treadline.guard._stamps import Stamps
-from treadline.guard.stop_latch import Button, Latch
+from treadline.guard.stop_latch import Latch
 from treadline.mission.mission_blocks import guard_config
 from treadline.mission.mission_config import MissionConfig
 from treadline.scenario.chair import read_chair
@@ -151,12 +151,6 @@ def test_the_latch_keeps_its_first_cause() -> None:
         (8.0, "resumed", "well"),
     ]
     assert latch.take() == []
-
-
-def test_what_is_pressed_is_a_press_once() -> None:
-    """Test: pressed, held, released, pressed. Expected result: two presses."""
-    button = Button()
-    assert [button.press(down=down) for down in (True, True, False, True)] == [True, False, False, True]
 
 
 @pytest.mark.parametrize(

@@ -26,11 +26,6 @@ def test_an_output_at_rest_leaves_the_initial_state_of_the_others() -> None:
     assert fit_percent(model, record) == pytest.approx([100.0, 100.0], abs=1e-6)
 
 
-def test_an_empty_record_has_a_start_of_zero() -> None:
-    empty = InputOutputRecord(u=np.zeros((0, 2)), y=np.zeros((0, 2)), dt_s=1.0)
-    assert not initial_state(two_lags(), empty).any()
-
-
 @pytest.mark.parametrize(("samples", "order", "seed"), [(100, 15, 3), (150, 20, 4), (220, 30, 5)])
 def test_many_coefficients_are_no_chance_where_the_inputs_explain_most(samples: int, order: int, seed: int) -> None:
     """Test: a lag with a tenth of noise, of a large order that is given. Expected result: the outputs' response stays."""

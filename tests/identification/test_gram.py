@@ -98,29 +98,6 @@ def test_data_longer_than_a_pass_are_summed_as_one(monkeypatch: pytest.MonkeyPat
     np.testing.assert_allclose(gram(record, 5, units).sums, expected.sums, atol=ROUNDING)
 
 
-def test_windows_do_not_extend_across_experiments() -> None:
-    first, second = random_record(1), random_record(2)
-    units = some_units(first)
-    builder = GramBuilder(6, units, 0.1)
-    for record in (first, second):
-        builder.begin()
-        builder.add(record.u, record.y)
-    found, parts = builder.finish(), [gram(record, 6, units) for record in (first, second)]
-    np.testing.assert_allclose(found.sums, (parts[0] + parts[1]).sums, atol=ROUNDING)
-    # Two experiments of 400 samples: each loses the six windows with an incomplete past.
-    assert (found.count, (parts[0] + parts[1]).count, found.dropped) == (788.0, 788.0, 0)
-
-
-def test_samples_may_be_added_after_finish() -> None:
-    record = random_record(3)
-    units = some_units(record)
-    builder = GramBuilder(4, units, 0.1)
-    builder.add(record.u[:150], record.y[:150])
-    builder.finish()
-    builder.add(record.u[150:], record.y[150:])
-    np.testing.assert_allclose(builder.finish().sums, gram(record, 4, units).sums, atol=ROUNDING)
-
-
 def test_sums_of_fewer_lags_are_the_leading_block() -> None:
     record = random_record(4)
     units = some_units(record)

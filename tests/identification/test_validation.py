@@ -13,7 +13,6 @@ from treadline.core.linear_systems import (
     crosscorrelation_p,
     fit_percent,
     h_step_rmse,
-    impulse_response,
     initial_state,
     one_step_residuals,
     prefix,
@@ -51,12 +50,6 @@ def test_a_free_run_is_the_recursion_of_the_state_equations(eq_12: LinearModel) 
     x0 = np.array([1.0, -2.0])
     _, expected, _ = dlsim((eq_12.A, eq_12.B, eq_12.C, eq_12.D, 1.0), u, x0=x0)
     np.testing.assert_allclose(simulate(eq_12, u, x0), expected, atol=1e-13)
-
-
-def test_an_impulse_response_is_a_free_run_after_an_impulse(eq_12: LinearModel) -> None:
-    u = np.zeros((10, 2))
-    u[0, 1] = 1.0
-    np.testing.assert_allclose(impulse_response(eq_12, 10)[:, :, 1], simulate(eq_12, u, np.zeros(2)), atol=1e-15)
 
 
 def test_the_initial_state_is_found_from_the_record(eq_12: LinearModel) -> None:

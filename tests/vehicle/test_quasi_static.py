@@ -128,36 +128,6 @@ def test_published_turning_shares_are_closest_to_those_above_one_degree_a_second
     assert [turning_share(motion, 1e-3) for motion in motions] == pytest.approx(exact, abs=1e-9)
 
 
-@given(slope_deg=st.floats(5.0, 28.0), heading=headings, left=belts, right=belts)
-@settings(max_examples=25)
-def test_a_mirrored_chair_moves_as_the_mirror_shows(slope_deg: float, heading: float, left: float, right: float) -> None:
-    here = steady_motion(on_stair(slope_deg, heading), TABLE_I, left, right)
-    there = steady_motion(on_stair(slope_deg, -heading), TABLE_I, right, left)
-    # Creep of sticking contacts, 1e-8 of the belts' speed, grows where a contact is about to slip.
-    assert there.along_m_s == pytest.approx(here.along_m_s, abs=1e-6)
-    assert there.across_m_s == pytest.approx(-here.across_m_s, abs=1e-6)
-    assert there.yaw_rad_s == pytest.approx(-here.yaw_rad_s, abs=1e-6)
-
-
-@given(slope_deg=st.floats(0.0, 28.0), heading=headings, left=belts, right=belts, factor=st.floats(0.1, 10.0))
-@settings(max_examples=25)
-def test_all_speeds_grow_with_the_belts(slope_deg: float, heading: float, left: float, right: float, factor: float) -> None:
-    stance = on_stair(slope_deg, heading)
-    slow, fast = steady_motion(stance, TABLE_I, left, right), steady_motion(stance, TABLE_I, factor * left, factor * right)
-    # Newton's steps are the same but for rounding, in units of the belts' speed.
-    assert fast.yaw_rad_s == pytest.approx(factor * slow.yaw_rad_s, abs=1e-6 * factor)
-    assert fast.along_m_s == pytest.approx(factor * slow.along_m_s, abs=1e-6 * factor)
-
-
-@given(slope_deg=st.floats(0.0, 28.0), heading=headings, speed=st.floats(0.02, 1.0))
-@settings(max_examples=25)
-def test_equal_belts_carry_the_chair_straight(slope_deg: float, heading: float, speed: float) -> None:
-    motion = steady_motion(on_stair(slope_deg, heading), TABLE_I, speed, speed)
-    assert motion.yaw_rad_s == pytest.approx(0.0, abs=1e-6)
-    assert motion.along_m_s == pytest.approx(speed, abs=1e-6)
-    assert motion.across_m_s == pytest.approx(0.0, abs=1e-6)
-
-
 def dissipation(stance: Stance, left: float, right: float, q: np.ndarray) -> np.ndarray:
     """Return the power of friction minus the power of gravity at any motion q, over the normal force [m/s]."""
     ux = q[:, :1] - q[:, 2:] * stance.y_m - np.where(stance.on_left, left, right)
@@ -225,13 +195,6 @@ def test_a_weight_beyond_the_contacts_tips_the_chair() -> None:
     points = nosing_contacts(read_chair("wheelchair").tracks, 0.33, 0.0, 0.5)
     with pytest.raises(MechanicsError, match="tips over"):
         contact_loads(points, np.array([0.6, 0.0]))
-
-
-def test_a_weight_over_one_belt_lifts_the_other() -> None:
-    points = nosing_contacts(read_chair("wheelchair").tracks, 0.33, 0.0, 0.5)
-    load = contact_loads(points, np.array([0.0, 0.33]))
-    assert (load[points[:, 1] < 0.0] == 0.0).all()
-    assert load.sum() == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(("slope_deg", "holds"), [(31.7, True), (31.9, False), (32.4, False)])

@@ -138,12 +138,6 @@ def test_each_flight_is_the_first_one_moved_over_a_landing(flights: int, steps: 
     assert [box.index for box in treads(staircase) if box.kind == "landing"] == [(k + 1) * steps - 1 for k in range(flights)]
 
 
-def test_nothing_is_open_between_a_landing_and_the_next_flight() -> None:
-    boxes = treads(build(flights=2, steps=3, between_m=2.5))
-    assert span_x(boxes[2])[1] > span_x(boxes[3])[0]
-    assert span_z(boxes[3])[0] < span_z(boxes[2])[1]
-
-
 @pytest.mark.parametrize("open_risers", [False, True])
 def test_below_an_open_flight_the_floor_goes_on(open_risers: bool) -> None:
     """Expected result: a camera that looks through the risers sees a floor, as in a building, and no drop."""
@@ -159,7 +153,3 @@ def test_walls_leave_the_landing_between_two_flights_free() -> None:
     lower, upper = (span_x(box) for box in stair_boxes(staircase) if box.kind == "wall")
     assert lower == pytest.approx((0.0, 1.2))
     assert upper == pytest.approx((3.2, 4.4))
-
-
-def test_a_step_of_a_second_flight_may_be_missing() -> None:
-    assert build(flights=2, steps=5, missing_steps=[3, 5]).steps[5].missing

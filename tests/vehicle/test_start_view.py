@@ -87,12 +87,6 @@ def test_an_open_loop_looks_at_nothing() -> None:
     assert (report.verdict, report.nosings_in_view) == ("go", None)
 
 
-@pytest.mark.parametrize("sensors", [{"camera": "statistical"}, {"camera": "ideal"}, {"image_height_px": 480}])
-def test_every_camera_model_shares_the_geometry(sensors: dict[str, Any]) -> None:
-    assert judge(with_piece("camera", pitch_deg=-35.0), sensors=sensors).verdict == "refuse"
-    assert judge(with_piece("camera", pitch_deg=-35.0), control={"vision": "truth"}, sensors=sensors).verdict == "refuse"
-
-
 def test_a_chair_without_flipper_or_rear_camera_comes_down_no_stair() -> None:
     (reason,) = judge(read_chair("wheelchair-fixed"), **DOWN).reasons
     assert "lacks [flipper] and [rear_camera]" in reason
