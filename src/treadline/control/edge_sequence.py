@@ -5,7 +5,8 @@ The crest sequence in reverse (``control/crest_sequence.py``); the sequence is o
 
 Without a flipper a chair whose centre of mass passes the edge falls onto the flight. With a flipper there are five stages:
 back to the edge; stand still and press the tip on the landing; lift the front to the slope of the uppermost nosings, with the
-centre of mass before the edge by the tip-over margin wanted; back on until the belts lie; stow the flipper. The tip load
+centre of mass before the edge by the tip-over margin wanted; back on until the belts lie; stow the flipper while backing on,
+once it would touch the edge: a chair that stood without it would tip forward onto a low edge. The tip load
 measures the position of the centre of mass: the belts keep it where the flipper can still lower the chair onto the landing.
 """
 
