@@ -13,7 +13,7 @@ import numpy as np
 from treadline.control.belt_allocation import CRUISE_M_S
 from treadline.control.crest_sequence import Crest, CrestCommand
 from treadline.control.edge_sequence import Edge, EdgeCommand
-from treadline.control.seat_leveller import Leveller, LevellerConfig, PitchFeedForward
+from treadline.control.seat_leveller import Leveller, PitchFeedForward
 from treadline.core.angles import DEG
 from treadline.core.ports import Reading, Truth
 from treadline.core.signals import TICK_S, FlipperReading, ImuSample, SeatReading, TrackCommand, TrackReading
@@ -158,7 +158,7 @@ class _CrestRun:
 
     def __init__(self, case: CrestCase, chair: ChairDescription, plant: MujocoPlant) -> None:
         self._case, self._chair, self._plant = case, chair, plant
-        self._leveller = Leveller(LevellerConfig(seat=chair.levelled_seat))
+        self._leveller = Leveller(chair.levelled_seat)
         self._feed_forward = PitchFeedForward(chair.levelled_seat)
         self._slope_rad = plant.staircase.slope_rad
         self._nosing_m = (STEPS - 1) * plant.staircase.pitch_m if case.at == "top" else 0.0

@@ -26,14 +26,14 @@ from treadline.core.signals import (
     TrackReading,
 )
 from treadline.guard import GuardConfig
-from treadline.mission.planner import TraversalConfig
+from treadline.mission.mission_config import MissionConfig
 from treadline.scenario.chair import read_chair
 
 TICK_S, G_M_S2 = 0.01, 9.81
 RISE_M, RUN_M = 0.16, 0.30
 SLOPE_RAD, PITCH_M = math.atan2(RISE_M, RUN_M), math.hypot(RISE_M, RUN_M)
 CHAIR = read_chair("wheelchair")
-CONFIG = TraversalConfig(chair=CHAIR, payload_kg=50.0, cruise_m_s=0.2)
+CONFIG = MissionConfig(chair=CHAIR, payload_kg=50.0, climb_speed_m_s=0.2)
 PIVOT_M = 0.5 * CHAIR.tracks.flat_run_m
 """Distance of each pulley from mid-track."""
 

@@ -21,7 +21,7 @@ def found_model() -> LinearModel:
 def test_a_gain_on_the_mean_of_the_belts_gives_a_warning() -> None:
     warning = design_warning(tune(found_model(), state_weight=(1.0, 1.0), input_weight=[0.05]))
     assert warning is not None
-    assert "the model's heading is at 39" in warning
+    assert "the model's heading is at 11" in warning
     assert "give --output-weight 1,0" in warning
 
 
@@ -39,8 +39,8 @@ def test_the_warning_states_the_halving_time() -> None:
     design = tune(found_model())
     slow = replace(design, K=0.03 * design.K)
     heading = heading_response(slow)
-    assert heading[0] == pytest.approx(np.radians(10.0))
-    halved_s = 0.25 * int(np.argmax(heading < np.radians(5.0)))
+    assert heading[0] == pytest.approx(np.radians(30.0))
+    halved_s = 0.25 * int(np.argmax(heading < np.radians(15.0)))
     assert halved_s > 5.0  # the limit of the warning
     assert f"takes {halved_s:.1f} s to halve" in str(design_warning(slow))
 

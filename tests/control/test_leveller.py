@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from treadline.control.seat_leveller import Leveller, LevellerConfig
+from treadline.control.seat_leveller import DEAD_BAND_RAD, Leveller
 from treadline.core.angles import DEG
 from treadline.core.signals import SeatCommand, SeatReading
 from treadline.scenario.chair import Seat, read_chair
@@ -17,7 +17,7 @@ from treadline.vehicle.linkage import SeatLinkage
 TICK_S = 0.01
 SEAT = read_chair("wheelchair").seat
 LINKAGE = SeatLinkage(SEAT)
-DEAD_BAND_DEG = LevellerConfig(seat=SEAT).dead_band_rad / DEG
+DEAD_BAND_DEG = DEAD_BAND_RAD / DEG
 
 
 def reading(pitch_rad: float, stroke_m: float = 0.05, t_s: float = 0.0) -> SeatReading:
@@ -46,7 +46,7 @@ class SeatOnStair:
     def run(self, seconds: float, seed: int = 0) -> tuple[list[float], list[float]]:
         """Return the seat's pitch [deg] and the commanded rates [m/s], tick by tick."""
         rng = np.random.default_rng(seed)
-        leveller = Leveller(LevellerConfig(seat=self.seat))
+        leveller = Leveller(self.seat)
         pitch_deg, rates = [], []
         for k in range(round(seconds / TICK_S)):
             pitch_deg.append(self.pitch_rad / DEG)
@@ -90,23 +90,23 @@ def test_a_slope_beyond_the_linkage_ends_at_the_end_of_the_stroke_and_stays() ->
 
 @pytest.mark.parametrize(("stroke", "pitch_deg"), [(SEAT.stroke_m[1], 20.0), (SEAT.stroke_m[0], -20.0), (9.0, 20.0), (-9.0, -20.0)])
 def test_no_rate_is_asked_beyond_an_end_of_the_stroke(stroke: float, pitch_deg: float) -> None:
-    assert Leveller(LevellerConfig(seat=SEAT)).step(reading(pitch_deg * DEG, stroke)).rate_m_s == 0.0
+    assert Leveller(SEAT).step(reading(pitch_deg * DEG, stroke)).rate_m_s == 0.0
 
 
 @pytest.mark.parametrize(("stroke", "pitch_deg"), [(SEAT.stroke_m[1], -20.0), (SEAT.stroke_m[0], 20.0)])
 def test_the_way_back_from_an_end_is_free(stroke: float, pitch_deg: float) -> None:
-    rate = Leveller(LevellerConfig(seat=SEAT)).step(reading(pitch_deg * DEG, stroke)).rate_m_s
+    rate = Leveller(SEAT).step(reading(pitch_deg * DEG, stroke)).rate_m_s
     # Front up (positive) needs a longer stroke, front down a shorter one.
     assert rate * pitch_deg > 0.0
 
 
 @pytest.mark.parametrize(("pitch", "stroke"), [(math.nan, 0.05), (math.inf, 0.05), (0.3, math.nan), (-math.inf, math.inf)])
 def test_a_reading_that_is_not_a_number_moves_nothing(pitch: float, stroke: float) -> None:
-    assert Leveller(LevellerConfig(seat=SEAT)).step(reading(pitch, stroke)) == SeatCommand(t_s=0.0, rate_m_s=0.0)
+    assert Leveller(SEAT).step(reading(pitch, stroke)) == SeatCommand(t_s=0.0, rate_m_s=0.0)
 
 
 def test_the_seat_goes_on_after_a_reading_that_was_not_a_number() -> None:
-    leveller = Leveller(LevellerConfig(seat=SEAT))
+    leveller = Leveller(SEAT)
     before = leveller.step(reading(0.2))
     leveller.step(reading(math.nan))
     assert leveller.step(reading(0.2)) == before
@@ -114,7 +114,7 @@ def test_the_seat_goes_on_after_a_reading_that_was_not_a_number() -> None:
 
 @given(pitch=st.floats(min_value=-math.pi, max_value=math.pi), stroke=st.floats(min_value=-1.0, max_value=1.0))
 def test_the_rate_keeps_its_limit_and_works_against_the_pitch(pitch: float, stroke: float) -> None:
-    rate = Leveller(LevellerConfig(seat=SEAT)).step(reading(pitch, stroke)).rate_m_s
+    rate = Leveller(SEAT).step(reading(pitch, stroke)).rate_m_s
     assert abs(rate) <= SEAT.max_rate_m_s
     assert rate * pitch >= 0.0
     if abs(pitch) <= DEAD_BAND_DEG * DEG:
@@ -124,6 +124,6 @@ def test_the_rate_keeps_its_limit_and_works_against_the_pitch(pitch: float, stro
 @given(stroke=st.floats(min_value=SEAT.stroke_m[0] + 1e-6, max_value=SEAT.stroke_m[1] - 1e-6))
 def test_just_outside_the_dead_band_the_seat_turns_at_the_gain_wherever_the_linkage_stands(stroke: float) -> None:
     pitch = 1.01 * DEAD_BAND_DEG * DEG
-    rate = Leveller(LevellerConfig(seat=SEAT)).step(reading(pitch, stroke)).rate_m_s
+    rate = Leveller(SEAT).step(reading(pitch, stroke)).rate_m_s
     # Seat rate = rate ratio × stroke rate = 2 /s × pitch: the linkage's own gain is compensated, up to rounding.
     assert rate * LINKAGE.rate_ratio(stroke) == pytest.approx(2.0 * pitch, rel=1e-9)

@@ -64,13 +64,10 @@ def climb_safe(demanded: Float[np.ndarray, " 2"], limits: BeltLimits) -> Float[n
 
     The demanded common speed is replaced by the climb speed, or by a higher speed that keeps the inner belt from sliding.
     """
-    most = min(
-        0.5 * (limits.max_speed_m_s - limits.min_inner_m_s),
-        MAX_MEAN_M_S - limits.min_inner_m_s,
-    )
-    most /= limits.yaw_gain_ratio
+    inner_m_s = limits.min_inner_m_s
+    most = min(0.5 * (limits.max_speed_m_s - inner_m_s), MAX_MEAN_M_S - inner_m_s) / limits.yaw_gain_ratio
     half = float(np.clip(0.5 * (demanded[1] - demanded[0]), -most, most))
-    common = max(limits.climb_speed_m_s, abs(half) + limits.min_inner_m_s)
+    common = max(limits.climb_speed_m_s, abs(half) + inner_m_s)
     return np.array([common - half, common + half])
 
 

@@ -21,9 +21,9 @@ SLOW_M_S = 0.1
 TURN_RAD_S, TURN_RAD_S2 = 9.0 * DEG, 20.0 * DEG
 """Largest rate of the pitch [rad/s], and its angular acceleration at the start [rad/s²]: 0.2 m/s² at the passenger, half a metre
 from the nosing."""
-REACH_RAD_S, MEET_RAD_S = 16.0 * DEG, 8.0 * DEG
-"""Rate at which the flipper reaches down for the landing [rad/s], and at the expected contact: 16 °/s caused 3 m/s² under a light
-chair."""
+REACH_RAD_S = 16.0 * DEG
+"""Rate at which the flipper reaches down for the landing [rad/s]; half of it at the expected contact, where the whole caused 3 m/s²
+under a light chair."""
 FLIPPER_RAD_S = 15.0 * DEG
 """Largest rate of a flipper that moves freely to an angle [rad/s]."""
 STOW_RAD_S = 12.0 * DEG
@@ -166,12 +166,6 @@ def load_share(flipper: FlipperReading, most_n_m: float) -> float:
     return max(-flipper.torque_n_m / most_n_m, 0.0)
 
 
-def geometry_of(chair: ChairDescription) -> FlipperGeometry:
-    """Return the planar flipper geometry of a chair."""
-    tracks = chair.tracks
-    return FlipperGeometry(pivot_m=0.5 * tracks.flat_run_m, radius_m=tracks.pulley_radius_m, length_m=tracks.approach_m)
-
-
 def flipper_of(chair: ChairDescription) -> Flipper:
     """Return the chair's flipper.
 
@@ -220,11 +214,14 @@ class Sequencer(ABC, Generic[StageT]):
     def __init__(self, loading: Loading, stage: StageT, around: KnownNosings) -> None:
         self._loading = loading
         self._flipper = flipper_of(loading.chair)
-        self._geometry = geometry_of(loading.chair)
+        tracks = loading.chair.tracks
+        self._geometry = FlipperGeometry(
+            pivot_m=0.5 * tracks.flat_run_m, radius_m=tracks.pulley_radius_m, length_m=tracks.approach_m
+        )
         self._tip = Tip(loading)
         self._rate = _FlipperRate(self._flipper)
         self._lowest_rad = self._flipper.range_deg[0] * DEG
-        self._rest_rad = loading.chair.tracks.approach_angle_deg * DEG
+        self._rest_rad = tracks.approach_angle_deg * DEG
         self._stage = stage
         self._cause = ""
         self._around = around
@@ -310,7 +307,7 @@ class Sequencer(ABC, Generic[StageT]):
 
     def _reach(self, pitch: float, flipper: FlipperReading) -> float:
         """Return the rate of a flipper that reaches down for the landing, slower near the expected contact."""
-        return -min(max(FLIPPER_PER_S * self._to_go(pitch, flipper), MEET_RAD_S), REACH_RAD_S)
+        return -min(max(FLIPPER_PER_S * self._to_go(pitch, flipper), 0.5 * REACH_RAD_S), REACH_RAD_S)
 
     def _to_go(self, pitch: float, flipper: FlipperReading) -> float:
         """Return the flipper's angle above the expected contact of its tip with the landing."""

@@ -9,41 +9,33 @@ behind.
 
 import math
 from collections import deque
-from dataclasses import dataclass
 
 from treadline.core.angles import DEG
 from treadline.core.signals import ROUNDING_S, ImuSample, SeatCommand, SeatReading
 from treadline.scenario.chair import Seat
 from treadline.vehicle.linkage import SeatLinkage
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LevellerConfig:
-    """Seat linkage and loop gain."""
-
-    seat: Seat
-    gain_per_s: float = 2.0
-    """Seat rate per pitch error [1/s]; with the actuator lag of 0.1 s the loop is well damped (ζ > 1)."""
-    dead_band_rad: float = 0.1 * DEG
-    """Dead band on the pitch [rad], twice the sensor noise, to keep the actuator at rest on a level seat."""
+GAIN_PER_S = 2.0
+"""Seat rate per pitch error [1/s]; with the actuator lag of 0.1 s the loop is well damped (ζ > 1)."""
+DEAD_BAND_RAD = 0.1 * DEG
+"""Dead band on the pitch [rad], twice the sensor noise, to keep the actuator at rest on a level seat."""
 
 
 class Leveller:
     """Proportional loop from seat pitch to actuator rate."""
 
-    def __init__(self, config: LevellerConfig) -> None:
-        self._config = config
-        self._linkage = SeatLinkage(config.seat)
+    def __init__(self, seat: Seat) -> None:
+        self._seat = seat
+        self._linkage = SeatLinkage(seat)
 
     def step(self, reading: SeatReading) -> SeatCommand:
         """Return the command for one reading; the same reading always gives the same command."""
-        config = self._config
         finite = math.isfinite(reading.pitch_rad) and math.isfinite(reading.stroke_m)
-        if not finite or abs(reading.pitch_rad) <= config.dead_band_rad:
+        if not finite or abs(reading.pitch_rad) <= DEAD_BAND_RAD:
             return SeatCommand(t_s=reading.t_s, rate_m_s=0.0)
         # Pitch is positive with the front up; a longer stroke leans the seat forward.
-        rate = config.gain_per_s * reading.pitch_rad / self._linkage.rate_ratio(_reached(self._linkage, reading))
-        return SeatCommand(t_s=reading.t_s, rate_m_s=_limited(rate, config.seat, self._linkage, reading))
+        rate = GAIN_PER_S * reading.pitch_rad / self._linkage.rate_ratio(_reached(self._linkage, reading))
+        return SeatCommand(t_s=reading.t_s, rate_m_s=_limited(rate, self._seat, self._linkage, reading))
 
 
 def _reached(linkage: SeatLinkage, reading: SeatReading) -> float:
@@ -113,9 +105,9 @@ class PitchLeveller:
     lag of its actuator would excite it.
     """
 
-    def __init__(self, config: LevellerConfig) -> None:
-        self._leveller = Leveller(config)
-        self._feed_forward = PitchFeedForward(config.seat)
+    def __init__(self, seat: Seat) -> None:
+        self._leveller = Leveller(seat)
+        self._feed_forward = PitchFeedForward(seat)
         self._lately, self._longer = _Turned(QUIET_S), _Turned(ROCKS_S)
 
     def step(self, reading: SeatReading, imu: ImuSample | None) -> SeatCommand:

@@ -199,9 +199,7 @@ def _observer(model: LinearModel) -> tuple[Float[np.ndarray, "n p"], Float[np.nd
 
 
 LARGE_HEADING_RAD = 30.0 * DEG
-"""Largest initial heading in the paper [rad]; a response smaller than belt slip does not steer."""
-INITIAL_HEADING_RAD = 10.0 * DEG
-"""Initial heading from which a design must return [rad]."""
+"""Largest initial heading in the paper [rad]: a design must return from it, and answer it with more than belt slip."""
 HALVING_TIME_S = 5.0
 """Longest time to halve the heading [s]: at 0.2 m/s and 10° a chair drifts sideways at 0.035 m/s; halving every 5 s gives 0.25 m in
 total, about the clearance on either side of a gauge of 0.65 m on a stair of 1.2 m."""
@@ -218,13 +216,13 @@ def design_warning(design: ControllerDesign) -> str | None:
 
 
 def heading_response(design: ControllerDesign) -> Float[np.ndarray, " T"]:
-    """Return the heading [rad] of the design's closed loop from ``INITIAL_HEADING_RAD``, one sample per period, without limits.
+    """Return the heading [rad] of the design's closed loop from ``LARGE_HEADING_RAD``, one sample per period, without limits.
 
     The state starts as the controller's, and the observer of an exact model then equals the state. Only the difference of the belt
     speeds acts: their mean is the planned speed (``climb_safe``) for any gain. Nothing acts before the dead time is over.
     """
     model, steering, late = design.model, DIFFERENCE_ALONE @ design.K, max(design.model.input_delay)
-    x = np.linalg.pinv(model.C) @ np.array([INITIAL_HEADING_RAD, 0.0])
+    x = np.linalg.pinv(model.C) @ np.array([LARGE_HEADING_RAD, 0.0])
     heading = np.empty(2 + math.ceil(SIMULATED_S / model.dt_s))
     for k in range(len(heading)):
         u = -steering @ x if k >= late else np.zeros(len(steering))
@@ -253,7 +251,7 @@ def _slow_response(design: ControllerDesign) -> str | None:
     if model.D.shape != DIFFERENCE_ALONE.shape:
         return None
     heading = heading_response(design)
-    above_half = np.flatnonzero(np.abs(heading) > 0.5 * INITIAL_HEADING_RAD)
+    above_half = np.flatnonzero(np.abs(heading) > 0.5 * LARGE_HEADING_RAD)
     # Zero if the outputs do not show a heading.
     halved_s = float(above_half[-1] + 1) * model.dt_s if above_half.size else 0.0
     if halved_s <= HALVING_TIME_S:
@@ -265,7 +263,7 @@ def _slow_response(design: ControllerDesign) -> str | None:
         else f"is at {heading[math.ceil(HALVING_TIME_S / model.dt_s)] / DEG:.3g}° after {HALVING_TIME_S:g} s"
     )
     return (
-        f"from {INITIAL_HEADING_RAD / DEG:.0f}° the model's heading {takes}; {HALVING_TIME_S:g} s to halve are the limit. "
+        f"from {LARGE_HEADING_RAD / DEG:.0f}° the model's heading {takes}; {HALVING_TIME_S:g} s to halve are the limit. "
         f"For each degree the gain asks {right - left:+.3f} m/s of the belts' difference, which alone steers (below 0 turns "
         f"back), and {0.5 * (left + right):+.3f} m/s of their mean, which the climb speed replaces; give --output-weight 1,0 "
         "in place of a weight on the model's own states, or a lower input weight"

@@ -6,32 +6,12 @@ what the documentation draws (``docs/tools/automaton.py``).
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Generic, Literal, Protocol, TypeVar
+from typing import Generic, Literal, TypeVar
 
 from treadline.core.signals import MotionPlan, Phase
+from treadline.mission._situation import FlightSituation
 
-
-class Situation(Protocol):
-    """What a table of states needs to know of a traversal."""
-
-    phase: Phase
-
-    @property
-    def still(self) -> MotionPlan:
-        """Plan of this tick that stops the belts."""
-
-    @property
-    def stalled_s(self) -> float:
-        """Time with released brakes since the state began, or since the chair last came further [s]."""
-
-    def enter(self, phase: Phase, cause: str, *, back: bool) -> None:
-        """Begin a state that goes along the traversal, or against it."""
-
-    def try_again(self) -> None:
-        """Restart the time of the state: a person who re-arms the chair allows another try."""
-
-
-S_contra = TypeVar("S_contra", bound=Situation, contravariant=True)
+S_contra = TypeVar("S_contra", bound=FlightSituation, contravariant=True)
 
 
 Exits = Mapping[Callable[[S_contra], str | None], Phase | Literal["hold"]]

@@ -47,13 +47,7 @@ class LevelSteering:
         """Return the turn on the spot that makes the chair square [m/s]."""
         return self._half(min(max(-TURN_PER_S * estimate.heading_rad, -TURN_RAD_S), TURN_RAD_S))
 
-    def keep(
-        self,
-        estimate: HeadingEstimate | None,
-        target_rad: float = 0.0,
-        *,
-        spare_rad: float = 0.0,
-    ) -> float:
+    def keep(self, estimate: HeadingEstimate | None, target_rad: float = 0.0, *, spare_rad: float = 0.0) -> float:
         """Return the turn that keeps a heading while the chair drives or pitches [m/s]; 0 without an estimate.
 
         Args:

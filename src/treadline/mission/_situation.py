@@ -28,7 +28,8 @@ from treadline.mission._flipper_planner import FlipperPlanner, turning_share
 from treadline.mission._skid_monitor import SkidMonitor
 from treadline.mission._tip_over import TipOverFeedforward
 from treadline.mission.entry_check import certain_reject_reason, reject_reason
-from treadline.mission.planner import PlannerInput, TraversalConfig
+from treadline.mission.mission_config import MissionConfig
+from treadline.mission.planner import PlannerInput
 from treadline.vehicle.loading import Loading, plumb
 
 LEVEL_RAD = 2.0 * DEG
@@ -77,11 +78,11 @@ class FlightSituation:
     """Readings, tracked stair and state of one traversal at a tick, and what both directions conclude from them.
 
     Args:
-        config: Chair, payload, speed and number of flights.
+        config: Mission, of which chair, payload, speed and number of flights count.
         way: Direction.
     """
 
-    def __init__(self, config: TraversalConfig, way: Way) -> None:
+    def __init__(self, config: MissionConfig, way: Way) -> None:
         chair = config.chair
         self._config = config
         self._way = way
@@ -96,6 +97,7 @@ class FlightSituation:
         self.cause = "start of the run"
         self.t_s = 0.0
         self.stalled_s = 0.0
+        """Time with released brakes since the state began, or since the chair last came further [s]."""
         self._goes, self._furthest_m = way.sign, -math.inf
         """Sign of the state's motion up the flight, and furthest place of the chair in that direction since it began [m]."""
         self._estimate: HeadingEstimate | None = None
@@ -179,7 +181,7 @@ class FlightSituation:
         self.try_again()
 
     def try_again(self) -> None:
-        """Restart the time of the state."""
+        """Restart the time of the state: a person who re-arms the chair allows another try."""
         self.stalled_s, self._furthest_m = 0.0, self._goes * self._where.up_m
 
     # --- conditions of both directions
@@ -258,7 +260,10 @@ class FlightSituation:
 
     def is_on_a_landing_between(self) -> str | None:
         """The chair is clear of the last nosing, and another flight follows."""
-        return self._next_flight() if self._is_clear() and self._goes_on else None
+        if not self._is_clear() or not self._goes_on:
+            return None
+        seen = "seen" if self._where.shows_another else "not yet seen"
+        return f"on a landing, flight {self._flights_done + 2}{'' if self._way.sign > 0.0 else ' on the way down'} {seen}"
 
     @property
     def to_go_m(self) -> float | None:
@@ -337,19 +342,10 @@ class FlightSituation:
         flights = self._config.flights
         return self._where.shows_another if flights is None else self._flights_done + 1 < flights
 
-    def _next_flight(self) -> str:
-        """Face the flight across the landing, and return what is seen of it."""
-        seen = "seen" if self._where.shows_another else "not yet seen"
-        return f"on a landing, flight {self._flights_done + 2}{'' if self._way.sign > 0.0 else ' on the way down'} {seen}"
-
     def face_next_flight(self) -> None:
         """Begin with the flight across the landing."""
         self.face_flight()
         self._flights_done += 1
-
-    def forget_deadline(self) -> None:
-        """Clear the deadline of a flipper's movement."""
-        self._flipper_planner.forget()
 
     @property
     def _flipper(self) -> FlipperReading | None:
@@ -409,11 +405,9 @@ class FlightSituation:
             blind: Whether no stair is in view. A chair that is square is not steered then: belts that follow a drifting gyro turn
                 it; with a belt that has lost friction they turn nothing, which the guard cannot distinguish from gyro drift.
         """
-        slip_m_s, roll_back_m = self._slide()
+        slides = self._way.sign > 0.0  # uphill, belts that slip grip again at equal speeds
+        slip_m_s = self._where.slip_m_s(self.t_s) if slides else 0.0
+        roll_back_m = (self._where.roll_back_m(self.t_s) or 0.0) if slides else 0.0
         spared = blind and self._estimate is not None and abs(self._estimate.heading_rad - square_rad) < SQUARE_RAD
         steers = self._skid.steering_allowed(self.t_s, self._tracks, self._estimate, square_rad, slip_m_s, roll_back_m)
         return None if steers and not spared else 0.0
-
-    def _slide(self) -> tuple[float, float]:
-        """Return slip [m/s] and roll-back [m] that suspend steering, so that belts at equal speeds grip again."""
-        return 0.0, 0.0

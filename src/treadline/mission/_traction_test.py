@@ -7,12 +7,10 @@ speed is the integral of the IMU's specific force along the chair, minus gravity
 
 import math
 
+from treadline.control.belt_allocation import GENTLE_M_S2
 from treadline.core.signals import ImuSample, TrackReading
 from treadline.scenario.chair import GRAVITY_M_S2
 
-LEAST_M_S2 = 0.15
-"""Smallest test acceleration [m/s²]. With the chair pitched more than the stair, gravity alone demands the required friction; a
-smaller acceleration is below the resolution of the measurement."""
 MOST_SLIP = 0.7
 """Slip ratio above which the test is lost, whatever acceleration was commanded."""
 
@@ -65,7 +63,7 @@ class TractionTest:
             self._moved_m_s += dt_s * (push - self._rest_sum / max(self._rest_count, 1))
             if since > 2.0 * PULSE_S:
                 # Belts that stall lose the test: they are counted as the slowest that a pulse asks for.
-                self._slip = 1.0 - self._moved_m_s / max(self._belts_m_s, LEAST_M_S2 * PULSE_S)
+                self._slip = 1.0 - self._moved_m_s / max(self._belts_m_s, GENTLE_M_S2 * PULSE_S)
 
     @property
     def speed_m_s(self) -> float:
@@ -77,7 +75,9 @@ class TractionTest:
 
     @property
     def _asked_m_s2(self) -> float:
-        return max(self._speeding_up(DEMAND), LEAST_M_S2)
+        # With the chair pitched more than the stair, gravity alone demands the required friction; a smaller acceleration than the
+        # gentle one is below the resolution of the measurement.
+        return max(self._speeding_up(DEMAND), GENTLE_M_S2)
 
     def _speeding_up(self, share: float) -> float:
         """Return the acceleration along the belts that needs friction of (1 + share)·tan β [m/s²]."""

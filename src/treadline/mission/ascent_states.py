@@ -25,7 +25,8 @@ from treadline.mission._situation import (
     on_the_tip,
 )
 from treadline.mission._traction_test import WANTED, TractionTest
-from treadline.mission.planner import PlannerInput, TraversalConfig
+from treadline.mission.mission_config import MissionConfig
+from treadline.mission.planner import PlannerInput
 
 CREST_SPARE_RAD = 1.7 * DEG
 """Heading error that is not corrected over the crest [rad]. Only the gyro measures the heading there. A gyro drift of 1 °/s for six
@@ -49,10 +50,10 @@ class Ascent(FlightSituation):
     """Planner of one traversal up.
 
     Args:
-        config: Chair, payload, speed and number of flights.
+        config: Mission, of which chair, payload, speed and number of flights count.
     """
 
-    def __init__(self, config: TraversalConfig) -> None:
+    def __init__(self, config: MissionConfig) -> None:
         super().__init__(config, UP)
         self._automaton = Automaton(STATES_UP)
         self._end = ""
@@ -139,7 +140,7 @@ class Ascent(FlightSituation):
         """Drives at the first step, slower near it, with the flipper lowered to clear the next step."""
         config = self._config
         nose_m = config.chair.reach_m - self._pivot_m  # the flipper meets the nosing before the pulley
-        speed = SLOW_M_S if self._before_m < nose_m else config.cruise_m_s
+        speed = SLOW_M_S if self._before_m < nose_m else config.climb_speed_m_s
         turn = self._level.keep(self._estimate, self._aside())
         flipper = self._flipper_planner.to(self.t_s, self._mounting_rad)
         return replace(self.still, speed_m_s=speed, turn_m_s=turn, flipper=flipper)
@@ -164,7 +165,7 @@ class Ascent(FlightSituation):
     def begin_approach(self) -> None:
         """Remember that the chair comes from the floor, and let the flipper begin anew."""
         self._knows_the_foot = True
-        self.forget_deadline()
+        self._flipper_planner.forget()
 
     # --- traction
 
@@ -229,26 +230,20 @@ class Ascent(FlightSituation):
     def climb(self) -> MotionPlan:
         """Climbs, steered by the heading controller; slowly before the crest."""
         command = self._command
-        if command is None or command.stage != "slow":
-            return replace(self._on_the_flight(), needs_stair=command is None)
-        turn = self._steering(blind=True)
-        plan = self.driving(command.speed_m_s, turn, self._lie())
-        return replace(plan, pitch_feedforward_m_s=self._pitch_feedforward())
-
-    def _on_the_flight(self) -> MotionPlan:
+        if command is not None and command.stage == "slow":
+            plan = self.driving(command.speed_m_s, self._steering(blind=True), self._lie())
+            return replace(plan, pitch_feedforward_m_s=self._pitch_feedforward())
         aim_rad, estimate = self._aside(), self._estimate
         return replace(
             self.still,
-            speed_m_s=self._config.cruise_m_s,
+            speed_m_s=self._config.climb_speed_m_s,
             turn_m_s=self._steering(aim_rad),
             heading_rad=aim_rad,
             min_inner_speed_ratio=None if estimate is None else inner_speed_ratio(estimate.heading_rad - aim_rad),
             pitch_feedforward_m_s=self._pitch_feedforward(aim_rad),
             flipper=self._lie(aim_rad),
+            needs_stair=command is None,
         )
-
-    def _slide(self) -> tuple[float, float]:
-        return self._where.slip_m_s(self.t_s), self._where.roll_back_m(self.t_s) or 0.0
 
     def _aside(self) -> float:
         """Return the heading set point away from a near side, or towards the middle between two: walls or drops [rad]."""
@@ -276,7 +271,7 @@ class Ascent(FlightSituation):
         top_m = math.inf if around is None else around.top.ahead_m
         unseen = top_m - self._pivot_m < ENTER_FROM_M  # earlier frames would have shown a further nosing
         if self._crest is None and around is not None and ((where.top_ends and top_m < NEAR_M) or unseen):
-            self._crest = Crest(self._loading, self._config.cruise_m_s, around)
+            self._crest = Crest(self._loading, self._config.climb_speed_m_s, around)
             seen = "seen" if where.top_ends else "no nosing seen beyond"
             self._end = f"end of the flight, {seen}"
         elif self._crest is not None and self._is_climbing and not (where.top_ends or unseen):

@@ -32,12 +32,7 @@ class ConstantSpeed:
 
     def __init__(self, speed_m_s: float, period_s: float) -> None:
         self._speed_m_s = speed_m_s
-        self._period_s = period_s
-
-    @property
-    def period_s(self) -> float:
-        """Time between calls."""
-        return self._period_s
+        self.period_s = period_s
 
     def step(self, estimate: HeadingEstimate | None, t_s: float, plan: MotionPlan) -> TrackCommand:
         """Return the climb speed on both belts."""

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from treadline.control.belt_allocation import GENTLE_M_S2
 from treadline.control.edge_sequence import Edge, EdgeCommand
-from treadline.control.flipper import FLIPPER_RAD_S, GENTLY_RAD_S, SLOW_M_S, THERE_RAD
+from treadline.control.flipper import FLIPPER_RAD_S, GENTLY_RAD_S, PLACE_M, SLOW_M_S, THERE_RAD
 from treadline.core.angles import DEG
 from treadline.core.signals import FlipperCommand, HeadingEstimate, MotionPlan
 from treadline.estimation.known_nosings import SIGMAS
@@ -26,7 +26,7 @@ from treadline.mission._situation import (
     beside,
     on_the_tip,
 )
-from treadline.mission.planner import TraversalConfig
+from treadline.mission.mission_config import MissionConfig
 
 RESTS = ("settle", "leave")
 """Stages of the edge sequence with the chair on nosings and little load on the tip: the tip-over feed-forward acts there."""
@@ -39,18 +39,16 @@ smoothly."""
 
 OFF_HEADING_RAD = 4.0 * DEG
 """Heading error on the flight above which the chair turns by climbing [rad]: belts that back down and turn diverge."""
-LIFTED_M = 0.03
-"""Distance of the front pulley before that nosing at which the flipper must have been lifted [m]."""
 
 
 class Descent(FlightSituation):
     """Planner of one traversal down.
 
     Args:
-        config: Chair, payload, speed and number of flights.
+        config: Mission, of which chair, payload, speed and number of flights count.
     """
 
-    def __init__(self, config: TraversalConfig) -> None:
+    def __init__(self, config: MissionConfig) -> None:
         super().__init__(config, DOWN)
         self._automaton = Automaton(STATES_DOWN)
 
@@ -139,7 +137,8 @@ class Descent(FlightSituation):
         if self._edge is None or around is None or self._imu is None or self._flipper is None or self._tracks is None:
             self._command = None
             return
-        whole_to_m = self._whole_below_edge_m - around.top.ahead_m
+        # The flight must be complete over the length of the chair on it, and the stopping distance.
+        whole_to_m = 2.0 * self._pivot_m + KEEPS_M - around.top.ahead_m
         self._gap = self._missing(self._checked_to_m(whole_to_m) - self._pivot_m)
         if self._gap is not None and self.phase == "approach":
             return
@@ -185,11 +184,6 @@ class Descent(FlightSituation):
         feedforward = self._pitch_feedforward(allowed=command.stage in RESTS)
         return self.driving(command.speed_m_s + feedforward, self._level.keep(self._estimate), command.flipper)
 
-    @property
-    def _whole_below_edge_m(self) -> float:
-        """Distance below the edge over which the flight must be complete [m]: length of the chair on it, and stopping distance."""
-        return 2.0 * self._pivot_m + KEEPS_M
-
     def _checked_to_m(self, whole_to_m: float) -> float:
         """Return the distance from mid-track up to which a gap counts [m]; further away a detector may miss a single nosing."""
         if self.phase != "approach":
@@ -207,7 +201,7 @@ class Descent(FlightSituation):
 
     def turn_by_climbing(self) -> MotionPlan:
         """Climbs, steered by the heading controller: belts that back down and turn diverge."""
-        return replace(self.still, speed_m_s=self._config.cruise_m_s, turn_m_s=None, flipper=self._lie())
+        return replace(self.still, speed_m_s=self._config.climb_speed_m_s, turn_m_s=None, flipper=self._lie())
 
     def slides_off_heading(self) -> str | None:
         """The heading error has grown beyond what backing down corrects; a re-arm lets the chair turn by climbing."""
@@ -270,7 +264,7 @@ class Descent(FlightSituation):
         """Backs down, slower near the last nosing, and lifts the flipper before the rear reaches the floor."""
         before = self._before_m
         is_near = before < KEEPS_M
-        speed = -min(math.sqrt(SLOW_M_S**2 + 2.0 * GENTLE_M_S2 * max(before - KEEPS_M, 0.0)), self._config.cruise_m_s)
+        speed = -min(math.sqrt(SLOW_M_S**2 + 2.0 * GENTLE_M_S2 * max(before - KEEPS_M, 0.0)), self._config.climb_speed_m_s)
         plan = self.driving(speed, self._steering(blind=is_near), self._lie_or_lift())
         return replace(plan, pitch_feedforward_m_s=self._pitch_feedforward(), needs_stair=not is_near)
 
@@ -301,8 +295,11 @@ class Descent(FlightSituation):
 
     @property
     def _low_rad(self) -> float:
-        """Angle by which the flipper still has to be lifted to clear a step near the last nosings [rad]; 0 without a flipper."""
-        if self._flipper is None or self._last_step_m >= LIFTED_M:
+        """Angle by which the flipper still has to be lifted to clear a step near the last nosings [rad]; 0 without a flipper.
+
+        It must have been lifted where the front pulley may have come to the last nosing but one, by the error of its place.
+        """
+        if self._flipper is None or self._last_step_m >= PLACE_M:
             return 0.0
         return max(self._stepping_rad - THERE_RAD - self._flipper.angle_rad, 0.0)
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import Any
 
 from treadline.control import ControllerConfig, HeadingController
-from treadline.control.seat_leveller import LevellerConfig, PitchLeveller
+from treadline.control.seat_leveller import PitchLeveller
 from treadline.core import paper
 from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError
@@ -18,7 +18,7 @@ from treadline.mission.belt_controllers import ConstantSpeed, Driver
 from treadline.mission.descent_states import Descent
 from treadline.mission.loop import Blocks, Estimator
 from treadline.mission.mission_config import MissionConfig, Plugins, is_full_traversal
-from treadline.mission.planner import Cruise, Planner, TraversalConfig
+from treadline.mission.planner import Cruise, Planner
 from treadline.perception import DetectorConfig, StairDetector
 from treadline.perception.frame_quality import quality_of
 from treadline.perception.free_ground import ground_ahead
@@ -60,18 +60,16 @@ def planner_of(config: MissionConfig, driver: Driver | None = None) -> Planner:
     Raises:
         SettingsError: If the chair cannot come down.
     """
-    chair = config.chair
     if not is_full_traversal(config, driver):
         if config.direction == "down":
             raise SettingsError(
                 "coming down needs a chair with a flipper, a closed loop and robust vision; set chair.model = 'wheelchair'"
             )
         return Cruise(config.climb_speed_m_s)
-    asked = TraversalConfig(chair=chair, payload_kg=config.payload_kg, cruise_m_s=config.climb_speed_m_s, flights=config.flights)
     if config.direction == "up":
-        return Ascent(asked)
-    chair.camera_at(rear=True)  # raises where there is none
-    return Descent(asked)
+        return Ascent(config)
+    config.chair.camera_at(rear=True)  # raises where there is none
+    return Descent(config)
 
 
 def build_blocks(config: MissionConfig, driver: Driver | None = None) -> Blocks:
@@ -90,7 +88,7 @@ def build_blocks(config: MissionConfig, driver: Driver | None = None) -> Blocks:
         estimator=_estimator_of(config),
         planner=planner,
         driver=driver,
-        leveller=None if config.chair.seat is None else PitchLeveller(LevellerConfig(seat=config.chair.seat)),
+        leveller=None if config.chair.seat is None else PitchLeveller(config.chair.seat),
         guard=Guard(guard_config(config, driver.period_s, driven=driver.follows_plan)),
         swept_half_m=config.chair.swept_half_m,
     )

@@ -4,7 +4,6 @@
 ``descent_states`` descends; both end in phase ``arrived``, in phase ``refused``, or in a plan with a reason to hold.
 """
 
-from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 from treadline.core.signals import (
@@ -16,7 +15,6 @@ from treadline.core.signals import (
     StairMap,
     TrackReading,
 )
-from treadline.scenario.chair import ChairDescription
 
 PlannerInput = ImuSample | TrackReading | FlipperReading | StairMap | OperatorInput
 """Signals that a planner receives."""
@@ -35,19 +33,6 @@ class Planner(Protocol):
     @property
     def to_go_m(self) -> float | None:
         """Distance along the belts from mid-track to the last nosing of the flight [m]; None while its end is not known."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TraversalConfig:
-    """Inputs of a traversal: chair, entered payload, speed and number of flights."""
-
-    chair: ChairDescription
-    payload_kg: float
-    """Weight of the passenger as entered by the operator [kg]."""
-    cruise_m_s: float
-    """Mean belt speed on the flight [m/s]."""
-    flights: int | None = None
-    """Number of flights to traverse; None continues while another flight is seen across a landing."""
 
 
 class Cruise:

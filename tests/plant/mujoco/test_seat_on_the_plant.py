@@ -5,7 +5,7 @@ import pytest
 from jaxtyping import Float
 from oracles.plant_runs import plant_on
 
-from treadline.control.seat_leveller import Leveller, LevellerConfig
+from treadline.control.seat_leveller import Leveller
 from treadline.core.angles import DEG
 from treadline.core.ports import Truth
 from treadline.core.signals import SeatCommand, SeatReading, TrackCommand
@@ -22,7 +22,7 @@ def on_the_flight(slope_deg: float, seat: str) -> MujocoPlant:
 
 def levelled(plant: MujocoPlant, speed_m_s: float, duration_s: float) -> list[Truth]:
     """Close the seat's loop at 100 Hz while the belts run, and return the truth."""
-    leveller = Leveller(LevellerConfig(seat=SEAT))
+    leveller = Leveller(SEAT)
     tracks = TrackCommand(t_s=0.0, left_m_s=speed_m_s, right_m_s=speed_m_s)
     for tick in range(1, round(duration_s / 0.01) + 1):
         reading = [reading for reading in plant.read() if isinstance(reading, SeatReading)][-1]
