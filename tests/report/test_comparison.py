@@ -26,7 +26,7 @@ def said_of(tables: Tables) -> dict[str, str]:
     rows = [row for section in ("paper", "beyond", "machine") for row in comparisons(results, section)]
     fields = attrgetter("paper", "ours", "target", "verdict", "conditions", "sensitivity")
     said = {row.figure: " | ".join(filter(None, fields(row))) for row in rows}
-    return said | dict(sentence.split(": ", 1) for sentence in answer(comparisons(results)))
+    return said | dict(sentence.split(": ", 1) for sentence in answer(tables))
 
 
 def change(tables: Any, path: list[str], value: Any) -> None:

@@ -198,7 +198,7 @@ def test_a_stage_that_is_no_picture_is_refused(results: Tables, reproduce_folder
 
 
 def test_a_folder_without_results_is_refused(tmp_path: Path) -> None:
-    assert "nothing to report" in refused(tmp_path)
+    assert "give a folder that reproduce, climb or excite finished" in refused(tmp_path)
 
 
 def test_a_run_that_no_figure_names_has_a_page_that_plays_it_and_a_damaged_one_has_none(

@@ -28,15 +28,11 @@ from treadline.core.processes import Terminated, on_terminate
 
 AGAIN_S = 0.25
 """Delay after which a lost interrupt is sent again [s]: longer than a burst that counts as one (``interrupts``)."""
-EPILOGUE = """\
-Every verb takes --json (one JSON object on stdout, nothing else) and --debug (a traceback instead of one line).
-Start with: treadline demo; treadline doctor; treadline climb up-28 --out runs/first; treadline view runs/first
-"""
 
 app = App(
     name="treadline",
     help="Makes a tracked chair climb stairs by itself: simulate, see, identify, tune, climb and report.",
-    help_epilogue=EPILOGUE,
+    help_epilogue="Start with: treadline demo; treadline climb up-28 --out runs/first; treadline view runs/first",
     version=__version__,
     help_format="plaintext",
     suppress_keyboard_interrupt=False,
@@ -61,7 +57,7 @@ GROUPS = {heading: Group(heading, sort_key=number) for number, heading in enumer
 for heading, verbs in VERBS.items():
     for verb in verbs:  # a verb's module is imported when the verb is run, or its help is shown
         path = f"treadline.cli.{MODULES.get(verb, verb)}:{FUNCTIONS.get(verb, verb)}"
-        app.command(path, name=verb, group=GROUPS[heading])
+        app.command(path, name=verb, group=GROUPS[heading], help_epilogue="")
 app.register_install_completion_command(group=GROUPS["Installation"])
 
 
@@ -101,6 +97,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     tokens = list(sys.argv[1:] if arguments is None else arguments)
+    if all(token.startswith("-") for token in tokens):  # the list of verbs, each with the first line of its help
+        app.resolved_commands()
     announced = start_line(tokens) if arguments is None else nullcontext()
     with _streams(), _heeding_requests_to_end(), announced:
         return _run(tokens)

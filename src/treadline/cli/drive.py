@@ -30,7 +30,7 @@ def drive(
     It was tried on emulators alone, and no person may sit on the chair. Nothing moves before a person holds the dead-man switch and
     re-arms. The guard runs in a process of its own; Ctrl-C stops the chair.
 
-    treadline drive robot.toml --bench --out runs/bench
+    treadline drive hardware.toml --bench --out runs/bench
 
     Args:
         robot: Robot file: links, speed limits, camera and mission (docs/how-to/drive-hardware.md).

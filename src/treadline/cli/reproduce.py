@@ -34,11 +34,12 @@ def reproduce(
 
     from treadline.cli._output import Progress
     from treadline.core.errors import SettingsError
+    from treadline.core.files import read_json
     from treadline.core.processes import default_workers
     from treadline.experiments.plan import QUICK, WHOLE
     from treadline.experiments.reproduce import reproduce_paper
     from treadline.io.runs import remove
-    from treadline.report.comparison import PUBLISHED_SEEDS
+    from treadline.report.comparison import PUBLISHED_SEEDS, answer
 
     if workers is not None and workers < 1:
         raise SettingsError(f"--workers is {workers}; at least 1")
@@ -60,10 +61,8 @@ def reproduce(
     started = time.monotonic()
     with Progress("reproduce") as progress:
         results = reproduce_paper(plan, out, workers=workers or default_workers(), progress=progress)
-    return Answer(
-        values=results,
-        summary=[f"done in {time.monotonic() - started:.0f} s; results: {out / 'results.json'}", f"report: {out / 'report.html'}"],
-    )
+    done = f"done in {time.monotonic() - started:.0f} s; results: {out / 'results.json'}"
+    return Answer(values=results, summary=[*answer(read_json(out / "results.json")), done, f"report: {out / 'report.html'}"])
 
 
 def report(run: Path, /) -> Answer:

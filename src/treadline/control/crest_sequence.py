@@ -114,7 +114,7 @@ class Crest(Sequencer[Stage]):
         least_rad = slope - SIGMAS * sigma - LIFTED_RAD
         if self._most_before_m(least_rad) > -PLACE_M:
             return ""
-        return f"the last nosings are {slope / DEG:.1f}° steep, and the flipper turns to {self._lowest_rad / DEG:.0f}° only"
+        return f"a flipper that turns to {self._lowest_rad / DEG:.0f}° is too short for last nosings of {slope / DEG:.1f}°"
 
     def _gets_no_further(self, pitch: float, dt_s: float) -> str:
         """Return the reason why the crossing cannot succeed by current measurements, or an empty string."""

@@ -176,8 +176,8 @@ def _row(friction: Friction, slope: int, start: int, runs: list[dict[str, Any]])
         "belt_force_n": worst("max_belt_force_n"),
         "belt_power_w": worst("peak_power_w"),
         "verdicts": sorted({run["verdict"] for run in runs}),
-        "conditions": f"{max(of('duration_s')):.0f} s, seeds {', '.join(str(run['seed']) for run in runs)}, "
-        f"{runs[0]['camera']} camera",
+        "conditions": f"{max(of('duration_s')):.0f} s, seed{'s' if runs[1:] else ''} "
+        f"{', '.join(str(run['seed']) for run in runs)}, {runs[0]['camera']} camera",
     }
 
 

@@ -362,15 +362,17 @@ class Identified(ModelMethods, Printable):
         return found
 
     def _hardly_turns(self) -> list[str]:
-        """Return the one cause of a model that explains less than half of the turning, where belts or vehicle hardly turn.
+        """Return the one cause of a model that explains less than half: an input left out, or belts or a vehicle that hardly turn.
 
         Residuals, order and gain of such a model say nothing of their own.
         """
         fit, explained = self._turn_fit, explained_percent(self._compared)
-        if fit is None or max(explained.values()) >= 100.0 * HALF:
+        if max(explained.values()) >= 100.0 * HALF:
             return []
+        if fit is None:
+            return [f"{line}; it explains nothing: move each input by itself" for line in self.log.findings[:1]]
         cause = [f"{line}; record a drive with curves to both sides" for line in self._collinearity()]
-        lines = [] if cause and self.findings.is_table else self.findings.lines
+        lines = () if cause and self.findings.is_table else self.findings.lines
         return [*lines, *(f"the vehicle hardly turns: {line}" for line in cause or input_noise_warning(fit))]
 
     def with_structure(self) -> "Identified":
@@ -438,7 +440,6 @@ class Identified(ModelMethods, Printable):
     def _excitation_warning(self, support: int) -> list[str]:
         remedy = "move each input independently" if self.differential is None else "turn more"
         result = [f"poor excitation: {line}: {remedy}" for line in self._collinearity()]
-        order = self.found.system.order
-        if support < order and support <= self.found.fitting.data.lags:
+        if support < (order := self.found.system.order) and support <= self.found.fitting.data.lags:
             result.append(f"poor excitation: {insufficient_excitation(support, order)}; give inputs that vary more")
         return result

@@ -149,7 +149,7 @@ class _Channels:
         """Return the increasing times in use, and the indices of their messages."""
         if topic not in self._seen:
             raise LogFormatError(
-                f"{self._path}: no topic '{topic}' for '{next(iter(channel.columns))}' (there are: {listed(self._seen)}); "
+                f"{self._path}: no topic '{topic}' for '{next(iter(channel.columns))}' (there are: {listed(self._seen, 99)}); "
                 "a column is topic.field"
             )
         if len(channel.times) < 2:

@@ -145,11 +145,11 @@ def no_clock(table: Table) -> PeriodMismatch:
     return PeriodMismatch(f"{table.file}: no time column{there}; give --period, or name the time t_s, time_ms, t [us] or time_ns")
 
 
-def listed(names: Iterable[str]) -> str:
+def listed(names: Iterable[str], most: int = MOST_NAMED) -> str:
     """Return names as a list of limited length on one line."""
     every = [" ".join(name.split())[:LONGEST_NAME] for name in names]
-    more = f" and {len(every) - MOST_NAMED} more" if len(every) > MOST_NAMED else ""
-    return (", ".join(every[:MOST_NAMED]) + more) if every else "none"
+    more = f" and {len(every) - most} more" if len(every) > most else ""
+    return (", ".join(every[:most]) + more) if every else "none"
 
 
 def check_count(file: Path, rows: int) -> None:

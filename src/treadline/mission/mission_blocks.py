@@ -40,8 +40,8 @@ def heading_driver(config: MissionConfig) -> Driver:
     design = config.controller
     if design is None:
         raise SettingsError("a closed loop needs a controller; make one with treadline tune")
-    if design.vehicle != config.chair.name:
-        raise SettingsError(f"the controller was made for '{design.vehicle}', the chair is '{config.chair.name}'")
+    if design.vehicle != (name := config.chair.name):
+        raise SettingsError(f"the controller was made for '{design.vehicle}', the chair is '{name}'; tune one with --vehicle")
     return HeadingController(
         design,
         ControllerConfig(

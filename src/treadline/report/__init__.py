@@ -40,7 +40,7 @@ def write_report(folder: Path, each: Callable[[str, Callable[[Any], Any], Sequen
         raise SettingsError(f"{folder}: a sweep's folder; {there}")
     if (folder / "manifest.json").exists():
         raise SettingsError(f"{folder}: no result.json: this run was interrupted, or goes on; make it again to report it")
-    raise SettingsError(f"{folder}: no results.json (reproduce) and no result.json (climb, excite); nothing to report")
+    raise SettingsError(f"{folder}: no results.json and no result.json; give a folder that reproduce, climb or excite finished")
 
 
 def _in_turn(_title: str, function: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:

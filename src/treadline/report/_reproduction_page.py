@@ -234,7 +234,7 @@ def write_reproduction_page(folder: Path, each: Callable[[str, Callable[[Any], A
         svg,
         {name: panels_of(figure) for name, figure in drawn.items()},
         r=results,
-        answer=answer(comparisons(results)),
+        answer=answer(results),
         rows={section: comparisons(results, section) for section in ("paper", "beyond", "machine")},
         linked=[page["name"] for page in pages],
         lost=[name for name in _main_runs(results) if not _inside(runs, name).is_dir()],

@@ -103,7 +103,7 @@ def checked_series(folder: Path, columns: Sequence[str] = COLUMNS) -> dict[str, 
             warnings.simplefilter("error")  # numpy warns of a table without rows
             series = read_series(folder)
     except OSError as error:
-        raise SettingsError(f"{path}: {error.strerror}") from None
+        raise SettingsError(f"{path}: {error.strerror}; make the run again") from None
     except (ValueError, IndexError, UserWarning) as error:
         said = " ".join(str(error).split())[:80]
         raise SettingsError(f"{path}: not a table of numbers ({said}); make the run again") from None

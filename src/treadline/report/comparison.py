@@ -93,9 +93,14 @@ def comparisons(results: Results, section: str = "paper") -> list[FigureRow]:
     return [_row(entry, values, results) for kind, values in _groups(results) for entry in TABLE[kind] if entry.section == section]
 
 
-def answer(rows: Sequence[FigureRow]) -> list[str]:
-    """Return three sentences on the paper's items: what was reproduced, what was not, and why."""
-    done, failed = ([row for row in rows if row.verdict == verdict] for verdict in (REPRODUCED, NOT_REPRODUCED))
+def answer(tables: object) -> list[str]:
+    """Return three sentences on the paper's items: what was reproduced, what was not, and why.
+
+    Args:
+        tables: The tables of ``results.json``, or ``Results``.
+    """
+    rows, verdicts = comparisons(Results.model_validate(tables)), (REPRODUCED, NOT_REPRODUCED)
+    done, failed = ([row for row in rows if row.verdict == verdict] for verdict in verdicts)
     parts = {
         "Reproduced": [row.item for row in done],
         "Not reproduced": [row.item for row in failed],

@@ -153,7 +153,7 @@ def _cannot_mount(scenario: Scenario, chair: ChairDescription) -> str | None:
     """Return that a chair without flippers only drives along a flight: over a crest it would fall, and so it does not mount."""
     if chair.flipper is not None or scenario.start.place != "floor" or scenario.control.loop == "open":
         return None
-    return f"chair '{chair.name}' lacks [flipper], and drives along a flight alone; give start.place = 'flight'"
+    return f"chair '{chair.name}' lacks [flipper], and can only drive along a flight; give start.place = 'flight'"
 
 
 def _outside_the_flight(scenario: Scenario, tracks: Tracks) -> str | None:
