@@ -1,7 +1,6 @@
 """A long command writes a line within two seconds; ``--help`` is grouped; shell completion can be installed."""
 
 import os
-import re
 import subprocess
 import sys
 import time
@@ -47,7 +46,7 @@ def test_help_lists_every_command_under_its_heading(capsys: pytest.CaptureFixtur
     assert places == sorted(places)
     for place, end, verbs in zip(places, [*places[1:], len(text)], VERBS.values(), strict=True):
         for verb in verbs:
-            assert re.search(rf"│ {verb} +\w", text[place:end]), f"{verb} has no line of help"
+            assert text[place:end].partition(f"│ {verb} ")[2].lstrip()[0] != "│", f"{verb} has no line of help"
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="completion is for bash, zsh and fish")

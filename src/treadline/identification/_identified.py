@@ -366,11 +366,9 @@ class Identified(ModelMethods, Printable):
 
         Residuals, order and gain of such a model say nothing of their own.
         """
-        fit, explained = self._turn_fit, explained_percent(self._compared)
-        if max(explained.values()) >= 100.0 * HALF:
-            return []
-        if fit is None:
-            return [f"{line}; it explains nothing: move each input by itself" for line in self.log.findings[:1]]
+        fit, is_poor = self._turn_fit, max(explained_percent(self._compared).values()) < 100.0 * HALF
+        if fit is None or not is_poor:
+            return [f"{line}; it explains nothing: move each input by itself" for line in self.log.findings if is_poor][:1]
         cause = [f"{line}; record a drive with curves to both sides" for line in self._collinearity()]
         lines = () if cause and self.findings.is_table else self.findings.lines
         return [*lines, *(f"the vehicle hardly turns: {line}" for line in cause or input_noise_warning(fit))]

@@ -99,13 +99,10 @@ def answer(tables: object) -> list[str]:
     Args:
         tables: The tables of ``results.json``, or ``Results``.
     """
-    rows, verdicts = comparisons(Results.model_validate(tables)), (REPRODUCED, NOT_REPRODUCED)
-    done, failed = ([row for row in rows if row.verdict == verdict] for verdict in verdicts)
-    parts = {
-        "Reproduced": [row.item for row in done],
-        "Not reproduced": [row.item for row in failed],
-        "Why": list(dict.fromkeys(row.why for row in failed)),
-    }
+    rows = comparisons(Results.model_validate(tables))
+    done, failed = ([row for row in rows if row.verdict == verdict] for verdict in (REPRODUCED, NOT_REPRODUCED))
+    parts = {"Reproduced": [row.item for row in done], "Not reproduced": [row.item for row in failed]}
+    parts["Why"] = list(dict.fromkeys(row.why for row in failed))
     return [f"{name}: {'; '.join(items)}." for name, items in parts.items() if items]
 
 
