@@ -5,14 +5,13 @@ import select
 import sys
 import time
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import cyclopts
 
 from treadline.core.errors import TreadlineError
 from treadline.core.signals import TICK_S
 from treadline.hardware._real_time import LOOP, real_time
-from treadline.hardware.emulators._can import CanAxes
 from treadline.hardware.emulators._chair import EmulatedChair
 from treadline.hardware.emulators._faults import KINDS, Faults
 from treadline.hardware.emulators._serial import SerialBox, Terminal
@@ -51,10 +50,13 @@ def emulate(
     """
     faults = Faults(fault or [])
     chair, terminal = EmulatedChair(scenario, seed, faults, FrameFile(port)), Terminal(port)
-    bus = {"interface": "udp_multicast", "channel": channel, "port": udp_port, "fd": False}
-    is_serial = link == "serial"
-    box = SerialBox(chair, faults, terminal) if is_serial else CanAxes(chair, faults, terminal, bus)
-    _say(f"chair at {port}{'' if is_serial else f', drives on {channel}'}; Ctrl-C ends it")
+    if link == "serial":
+        box: Any = SerialBox(chair, faults, terminal)
+    else:
+        from treadline.hardware.emulators._can import CanAxes
+
+        box = CanAxes(chair, faults, terminal, {"interface": "udp_multicast", "channel": channel, "port": udp_port, "fd": False})
+    _say(f"chair at {port}{'' if link == 'serial' else f', drives on {channel}'}; Ctrl-C ends it")
     due_s = time.monotonic()
     with real_time(LOOP) as granted:  # a chair does not slow down with the computer that drives it
         _say(granted)
@@ -86,6 +88,8 @@ def main() -> None:
         app()
     except TreadlineError as error:
         sys.exit(f"treadline: {error}")
+    except ModuleNotFoundError as error:
+        sys.exit(f"treadline: {error}; pip install '.[hardware]' in treadline's folder")
     except KeyboardInterrupt:
         return
 
