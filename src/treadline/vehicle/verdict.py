@@ -83,11 +83,10 @@ class CheckReport(Printable):
         """Return the verdict, the margins and the reasons."""
         margins = ", ".join(f"{side} {angle:.1f}°" for side, angle in self.stability_margin_deg.items())
         longer = [] if self.track_length_margin_m is None else [self.track_length_margin_m]
+        count = self.nosings_in_contact
+        bears = f"{count} nosing{'' if count == 1 else 's'} in contact"
         rows = [
-            *(
-                ("track length", f"{more_m:+.3f} m over 2√(h²+w²), {self.nosings_in_contact} nosings in contact")
-                for more_m in longer
-            ),
+            *(("track length", f"{more_m:+.3f} m over 2√(h²+w²), {bears}") for more_m in longer),
             (
                 "friction",
                 f"{self.friction_needed_with_reserve:.2f} needed ({self.friction_needed:.2f} to stand, and a reserve for jolts), "
