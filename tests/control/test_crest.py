@@ -294,7 +294,7 @@ def test_nosings_steeper_than_the_flipper_reaches_stop_the_chair_before_the_cres
     chair.slopes_rad = [40.0 * DEG, *chair.slopes_rad]
     command = chair.until("barred")
     assert command.speed_m_s == 0.0
-    assert command.cause == "the last nosings are 40.0° steep, and the flipper turns to -75° only"
+    assert command.cause == "a flipper that turns to -75° is too short for last nosings of 40.0°"
 
 
 def test_below_a_low_last_step_the_chair_is_lowered_first_about_the_nosing_that_bears_it() -> None:

@@ -111,10 +111,10 @@ def test_a_motor_that_dies_over_the_edge_lets_the_chair_back_onto_the_landing(ri
 
 
 def test_a_motor_that_dies_as_the_rear_comes_down_leaves_the_chair_on_the_flight(ride: Ride) -> None:
-    # Lifted to 28.0°, it settles from 27.5° on; the dead flipper holds it up there until its brake has let it down.
+    # Lifted to 28.0°, it settles from 27.5° on; the dead flipper props it up by 2° until its brake has let it down.
     crossing = ride(down(motor_lost_at_deg=27.6, duration_s=40.0))
     assert last_stage(crossing) == "done"
-    assert crossing.ticks[-1].truth.pitch_rad == pytest.approx(28.0 * DEG, abs=0.2 * DEG)
+    assert crossing.ticks[-1].truth.pitch_rad == pytest.approx(28.0 * DEG, abs=1.0 * DEG)
     assert_gentle(crossing, WITH_ERRORS_DEG_S)
 
 
@@ -144,7 +144,7 @@ def test_a_flipper_too_short_in_range_stops_before_the_crest(ride: Ride, com_err
     crossing = ride(CrestCase(range_deg=(-45.0, 60.0), com_error_m=com_error_m, duration_s=8.0))
     assert not crossing.is_across
     assert last_stage(crossing) == "barred"
-    assert "the flipper turns to -45° only" in crossing.ticks[-1].command.cause
+    assert "a flipper that turns to -45° is too short" in crossing.ticks[-1].command.cause
     assert crossing.pitch_rate_deg_s < NOMINAL_DEG_S
 
 

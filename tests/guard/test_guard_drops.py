@@ -184,6 +184,21 @@ def test_a_chair_that_has_turned_and_turned_back_may_back_over_what_it_had_drive
     assert (chair.cause(-0.1) is None) == knows
 
 
+def test_the_ways_aside_of_driven_ground_add_up_over_turns() -> None:
+    """Test: 1 m driven, and twice 0.6 m onwards at 10°, the turn taken back each time. Expected result: a metre behind is known
+    again after the first, 0.10 m aside; after the second, 0.20 m aside, it is not."""
+    chair = Chair().look(**FRONT)
+    chair.goes(0.1, within_m=1.0)
+    known = []
+    for _ in range(2):
+        chair.heading_rad = 10.0 * DEG
+        chair.cause(0.0)
+        assert chair.look(**FRONT).goes(0.1, within_m=0.6) == pytest.approx(0.6, abs=0.002)
+        chair.heading_rad = 0.0
+        known.append(chair.cause(-2.5) is None)  # stops within a metre
+    assert known == [True, False]
+
+
 def test_an_end_below_the_image_lies_aside_after_a_turn() -> None:
     chair = Chair().look(**FRONT | {"seen_m": 0.85, "end_m": 0.85, "end_sigma_m": 0.0})
     chair.heading_rad = 90.0 * DEG

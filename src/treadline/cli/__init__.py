@@ -97,10 +97,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     tokens = list(sys.argv[1:] if arguments is None else arguments)
-    if all(token.startswith("-") for token in tokens):  # the list of verbs, each with the first line of its help
-        app.resolved_commands()
     announced = start_line(tokens) if arguments is None else nullcontext()
     with _streams(), _heeding_requests_to_end(), announced:
+        if not tokens or tokens[0] in ("-h", "--help"):  # the list of verbs, each with the first line of its help
+            app.resolved_commands()
         return _run(tokens)
 
 

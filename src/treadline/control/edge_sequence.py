@@ -89,7 +89,8 @@ class Edge(Sequencer[Stage]):
         self._turns_back = False
         self._slope_rad, self._target_rad, self._keep_m = 0.0, 0.0, 0.0
         """Slope below the edge and pitch of the complete lift [rad], and the centre of mass's distance before the edge then [m]."""
-        self._lifted_rad = 0.0
+        self._lifted_rad = self._bore_rad = 0.0
+        """Pitch of the complete lift here, and the flipper's angle when it stopped bearing [rad]."""
         self._aim()
 
     def refusal(self, around: KnownNosings, sigmas: float) -> str:
@@ -164,14 +165,16 @@ class Edge(Sequencer[Stage]):
                 self._stage = "barred"
             case "settle" if self._edge_past_m < LEAVE_M - self._clears_m(flipper):
                 self._begin("leave", pitch)
+                self._bore_rad = flipper.angle_rad
             case "leave" if self._edge_past_m < 0.0 and self._is_up(flipper, OVER_BELTS_RAD - THERE_RAD):
                 self._stage = "done"
             case _:
                 pass
 
     def _clears_m(self, flipper: FlipperReading) -> float:
-        """Return how far beyond its axis the flipper clears an edge that lies below the belts' line [m], along the belts."""
-        return max(-self._around.top.above_m, 0.0) / math.tan(max(-flipper.angle_rad, OVER_BELTS_RAD))
+        """Return how far beyond its axis the flipper clears an edge below the belts' line [m], at most half of its length."""
+        clears_m = max(-self._around.top.above_m, 0.0) / math.tan(max(-flipper.angle_rad, OVER_BELTS_RAD))
+        return min(clears_m, 0.5 * self._geometry.length_m)
 
     def _is_near(self) -> bool:
         """Return whether the chair is where the tip is pressed down; the map shows ever better how far it is to be lifted."""
@@ -201,7 +204,7 @@ class Edge(Sequencer[Stage]):
                 return 0.0, self._stow(self._rest_rad, flipper)
             case _:
                 self._watch(pitch, dt_s)
-                return -(SLOW_M_S if self._is_up(flipper, 0.0) else SETTLE_M_S), self._stow(OVER_BELTS_RAD, flipper)
+                return -self._leaving_m_s(flipper), self._stow(OVER_BELTS_RAD, flipper)
 
     def _com_margin(self, pitch: float) -> float:
         """Return the distance of the centre of mass before the nosing after the complete lift, estimated from the tip load."""
@@ -254,8 +257,8 @@ class Edge(Sequencer[Stage]):
         self._lead_rad = min(max(lead_rad, pitch - LIFTED_RAD), pitch + LIFTED_RAD)
         behind = self._lead_rad - pitch
         trim = (FLIPPER_PER_S if behind > 0.0 else YIELD_PER_S) * behind
-        if self._tip.load_n < UNLOADED_N:
-            trim = max(trim, 0.0)  # the flipper must not move away from a chair that may fall back onto it
+        if self._tip.load_n < UNLOADED_N:  # the chair may fall back onto it; from a degree on the reference follows the chair
+            trim = max(trim, 0.0)
         return per_pitch * (lead_rad_s + trim) + per_metre * speed
 
     def _watch(self, pitch: float, dt_s: float) -> None:
@@ -263,6 +266,13 @@ class Edge(Sequencer[Stage]):
         self._waited_s += dt_s
         if pitch > self._highest_rad + LIFTED_RAD:
             self._highest_rad, self._waited_s = pitch, 0.0
+
+    def _leaving_m_s(self, flipper: FlipperReading) -> float:
+        """Return the speed of backing on, gentle while the flipper rises; on one slower than half its rate the chair stands."""
+        if self._is_up(flipper, 0.0):
+            return SLOW_M_S
+        rises = flipper.angle_rad > self._bore_rad + 0.5 * TURN_RAD_S * self._waited_s - LIFTED_RAD
+        return SETTLE_M_S if rises else 0.0
 
     def _is_up(self, flipper: FlipperReading, angle_rad: float) -> bool:
         """Whether the flipper is raised far enough, or dead: a dead flipper is dragged over the nosing and rises slowly."""

@@ -107,22 +107,30 @@ class _Ground:
         turn_rad, self._heading_rad = abs(heading_rad - self._known_rad), heading_rad
         if not turn_rad <= square_rad:
             lies_aside = square_rad < abs(heading_rad - self._seen_rad) < math.inf
-            self._strips.append((self._known_rad, self._driven_m, 0.0))
+            self._keep(self._known_rad, min(self._driven_m, self.end_m), square_rad)
             self.known_m, self._known_rad = -math.inf if lies_aside else self._seen_m, heading_rad
             self._driven_m = under_m
-        self._recall(under_m, heading_rad, square_rad)
         crosses = self.is_confirmed and abs(heading_rad - self._nosing_rad) < 0.25 * math.pi
         if (square_rad < turn_rad < math.inf and not crosses) or (on_flight and under_m > self.end_m):
             self._forget_end()
-        self.known_m = max(self.known_m, self._driven_m)
+        self._driven_m = max(self._driven_m, under_m)
+        self.known_m = max(self.known_m, self._driven_m, *self._recall(under_m, heading_rad, square_rad))
 
-    def _recall(self, under_m: float, heading_rad: float, square_rad: float) -> None:
-        """Add what the chair has driven over, also at this heading before it turned; an unknown heading forgets that."""
+    def _keep(self, rad: float, end_m: float, square_rad: float) -> None:
+        """Keep what was driven over at a heading, in place of less of it at nearly the same one."""
+        self._strips = [strip for strip in self._strips if abs(strip[0] - rad) > square_rad or strip[1] > end_m]
+        self._strips.append((rad, end_m, 0.0))
+
+    def _recall(self, under_m: float, heading_rad: float, square_rad: float) -> list[float]:
+        """Return the ends of what was driven over at about this heading before turns; an unknown heading forgets all.
+
+        Driven at an angle, belts come less far along a strip, and aside of it.
+        """
         moved_m, self._under_m = abs(under_m - self._under_m), under_m
-        aside = [(rad, end_m, aside_m + moved_m * abs(heading_rad - rad)) for rad, end_m, aside_m in self._strips]
-        self._strips = [strip for strip in aside if strip[2] < SAME_M]
-        again = [end_m for rad, end_m, _ in self._strips if abs(heading_rad - rad) <= square_rad]
-        self._driven_m = max(self._driven_m, under_m, *again)
+        turned = [(rad, end_m, aside_m, abs(heading_rad - rad)) for rad, end_m, aside_m in self._strips]
+        strips = [(rad, end_m - moved_m * turn**2, aside_m + moved_m * turn) for rad, end_m, aside_m, turn in turned]
+        self._strips = [strip for strip in strips if strip[2] < SAME_M]
+        return [end_m for rad, end_m, _ in self._strips if abs(heading_rad - rad) <= square_rad]
 
     @property
     def is_confirmed(self) -> bool:

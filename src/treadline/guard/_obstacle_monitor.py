@@ -118,7 +118,8 @@ class AheadMonitor:
             self._level = FlatGroundMonitor()
             return
         travel_m *= self._sign
-        is_step = obstacle_m is not None and travel_m + obstacle_m < self._flight_m - SAME_M
+        on_flight = plan.phase in FLIGHT  # over its end the map may show the next one
+        is_step = on_flight and obstacle_m is not None and travel_m + obstacle_m < self._flight_m - SAME_M
         self._level.look(None if is_step else obstacle_m, travel_m)
 
     def cause(self, travel_m: float, speed_m_s: float) -> str | None:

@@ -261,7 +261,7 @@ class Descent(FlightSituation):
         return before < 0.0 or (before < KEEPS_M and self._where.pitch_rad < LEVEL_RAD)
 
     def descend(self) -> MotionPlan:
-        """Backs down, slower near the last nosing, and lifts the flipper before the rear reaches the floor."""
+        """Backs down, slower near the last nosing, the flipper riding until the last nosings."""
         before = self._before_m
         is_near = before < KEEPS_M
         speed = -min(math.sqrt(SLOW_M_S**2 + 2.0 * GENTLE_M_S2 * max(before - KEEPS_M, 0.0)), self._config.climb_speed_m_s)
@@ -269,7 +269,7 @@ class Descent(FlightSituation):
         return replace(plan, pitch_feedforward_m_s=self._pitch_feedforward(), needs_stair=not is_near)
 
     def leave(self) -> MotionPlan:
-        """Backs off the last nosings with the flipper lifted."""
+        """Backs off the last nosings; the flipper rides, and is lifted off the last but one."""
         is_low = self._low_rad > 0.0
         speed, turn = (0.0, 0.0) if is_low else (-SLOW_M_S, self._level.keep(self._estimate))
         return self.driving(speed, turn, self._lie_or_lift())

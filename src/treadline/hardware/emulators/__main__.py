@@ -49,13 +49,11 @@ def emulate(
         pace: Emulated seconds in a second of the wall clock.
     """
     faults = Faults(fault or [])
-    chair, terminal = EmulatedChair(scenario, seed, faults, FrameFile(port)), Terminal(port)
-    if link == "serial":
-        box: Any = SerialBox(chair, faults, terminal)
-    else:
+    if link == "can":
         from treadline.hardware.emulators._can import CanAxes
-
-        box = CanAxes(chair, faults, terminal, {"interface": "udp_multicast", "channel": channel, "port": udp_port, "fd": False})
+    chair, terminal = EmulatedChair(scenario, seed, faults, FrameFile(port)), Terminal(port)
+    bus = {"interface": "udp_multicast", "channel": channel, "port": udp_port, "fd": False}
+    box: Any = SerialBox(chair, faults, terminal) if link == "serial" else CanAxes(chair, faults, terminal, bus)
     _say(f"chair at {port}{'' if link == 'serial' else f', drives on {channel}'}; Ctrl-C ends it")
     due_s = time.monotonic()
     with real_time(LOOP) as granted:  # a chair does not slow down with the computer that drives it
