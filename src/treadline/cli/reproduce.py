@@ -34,7 +34,6 @@ def reproduce(
 
     from treadline.cli._output import Progress
     from treadline.core.errors import SettingsError
-    from treadline.core.files import read_json
     from treadline.core.processes import default_workers
     from treadline.experiments.plan import QUICK, WHOLE
     from treadline.experiments.reproduce import reproduce_paper
@@ -62,7 +61,7 @@ def reproduce(
     with Progress("reproduce") as progress:
         results = reproduce_paper(plan, out, workers=workers or default_workers(), progress=progress)
     done = f"done in {time.monotonic() - started:.0f} s; results: {out / 'results.json'}"
-    return Answer(values=results, summary=[*answer(read_json(out / "results.json")), done, f"report: {out / 'report.html'}"])
+    return Answer(values=results, summary=[*answer(results), done, f"report: {out / 'report.html'}"])
 
 
 def report(run: Path, /) -> Answer:
