@@ -1,22 +1,23 @@
-"""Files of compiled kernels: damage is found, said in one line and mended; the result is right in any case."""
+"""Compiled kernels: a damaged file is found and mended, the result is right in any case, and the time of compiling is known."""
 
+import json
 import os
 import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+import time
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 from unittest.mock import patch
 
 import numba
 import numpy as np
 import pytest
+from numba.core import event
 
-from treadline.core.compile_cache import marker_path
-from treadline.core.errors import TreadlineError
-from treadline.core.kernel_cache import kernel_caches, njit
+from treadline.core.kernel_cache import CompileTimer, compiling, njit
 
 
 def cube(x: Any) -> Any:
@@ -36,7 +37,6 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def files(kept: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Path]:
     """Return index and data of the kernel in a folder of its own."""
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
-    monkeypatch.setattr("treadline.core.kernel_cache.kernel_sources", dict)  # the kernels of this file alone
     shutil.copytree(kept, tmp_path, dirs_exist_ok=True)
     return {path.suffix: path for path in tmp_path.rglob("*.nb?")}
 
@@ -48,57 +48,29 @@ def call() -> bool:
     return bool(kernel.stats.cache_hits)
 
 
-def state() -> bool | Exception:
-    """Return what a new process finds on disk."""
-    njit(cache=True)(cube)
-    return kernel_caches()[-1].state()
-
-
-def empty(path: Path) -> None:
-    path.write_bytes(b"")
-
-
-def cut(path: Path) -> None:
-    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-
-
-def flip(path: Path, place: float = 0.5) -> None:
+def flip(path: Path, place: float) -> None:
     content = bytearray(path.read_bytes())
     content[int(place * len(content))] ^= 1
     path.write_bytes(content)
 
 
-@pytest.mark.parametrize(("ending", "damage"), [(".nbi", empty), (".nbi", cut), (".nbc", empty), (".nbc", cut), (".nbc", flip)])
+@pytest.mark.parametrize(("ending", "kept_share"), [(".nbi", 0.0), (".nbi", 0.5), (".nbc", 0.0), (".nbc", 0.5), (".nbc", 1.0)])
 def test_a_damaged_file_is_removed_and_the_kernel_compiled_again(
-    files: dict[str, Path], caplog: pytest.LogCaptureFixture, ending: str, damage: Callable[[Path], None]
+    files: dict[str, Path], caplog: pytest.LogCaptureFixture, ending: str, kept_share: float
 ) -> None:
     assert call()
     other = files[ending].with_name("other.kernel-1.py311.nbi")
     other.write_bytes(b"")
-    damage(files[ending])
-    assert isinstance(state(), Exception)
+    content = files[ending].read_bytes()
+    files[ending].write_bytes(content[: int(kept_share * len(content))])
+    if kept_share == 1.0:
+        flip(files[ending], 0.5)
     assert not call()
     (line,) = caplog.messages
     assert "test_kernel_cache.cube: a damaged file" in line
     assert "compiled again" in line
-    assert "\n" not in line
     assert call()
     assert other.exists()
-
-
-def test_data_without_an_index_for_this_processor_are_not_compiled(files: dict[str, Path]) -> None:
-    with patch.object(numba.config, "CPU_NAME", "generic"):
-        assert state() is False
-    assert state() is True
-    files[".nbi"].unlink()
-    assert state() is False
-
-
-def test_files_that_numba_itself_kept_are_no_damage(files: dict[str, Path], caplog: pytest.LogCaptureFixture) -> None:
-    shutil.rmtree(files[".nbi"].parent)
-    numba.njit(cache=True)(cube)(3.0)
-    files[".nbc"].with_suffix("").with_suffix(".2.nbc").write_bytes(files[".nbc"].read_bytes())
-    assert (state(), call(), call(), state(), caplog.messages) == (False, False, True, True, [])
 
 
 def test_any_wrong_byte_gives_the_right_result(files: dict[str, Path]) -> None:
@@ -147,14 +119,11 @@ def test_a_process_killed_while_it_writes_leaves_no_old_code_under_a_new_index(t
     def run(factor: int, kill_at: int) -> subprocess.CompletedProcess[str]:
         script.write_text(KERNEL.replace("FACTOR", str(factor)))
         env = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
-        command = [sys.executable, script, str(kill_at)]
-        return subprocess.run(command, capture_output=True, text=True, env=env, check=False)
+        return subprocess.run([sys.executable, script, str(kill_at)], capture_output=True, text=True, env=env, check=False)
 
     assert run(2, 0).stdout == "2.0\n"
     assert run(3, write).returncode == -signal.SIGKILL
-    for _ in range(2):
-        after = run(3, 0)
-        assert (after.stdout, after.stderr) == ("3.0\n", "")
+    assert [run(3, 0).stdout for _ in range(2)] == ["3.0\n", "3.0\n"]
 
 
 def test_without_a_folder_that_can_be_written_a_kernel_runs_and_the_remedy_is_said(
@@ -162,10 +131,7 @@ def test_without_a_folder_that_can_be_written_a_kernel_runs_and_the_remedy_is_sa
 ) -> None:
     monkeypatch.setattr(numba.config, "CACHE_LOCATOR_CLASSES", "IPythonCacheLocator")  # as where no folder can be written
     assert [call() for _ in range(2)] == [False, False]
-    assert [line for line in caplog.messages if "NUMBA_CACHE_DIR" in line] == caplog.messages
-    assert len(caplog.messages) == 1
-    with pytest.raises(TreadlineError, match="set NUMBA_CACHE_DIR"):
-        marker_path()
+    assert ["NUMBA_CACHE_DIR" in line for line in caplog.messages] == [True]
 
 
 @pytest.mark.parametrize("place", ["numba.core.caching.open", "os.replace"])
@@ -175,7 +141,21 @@ def test_a_file_that_the_system_refuses_ends_no_run_and_is_not_removed(
 ) -> None:
     with patch(place, create=True, side_effect=error):
         assert [njit(cache=True)(cube)(3) for _ in range(2)] == [27, 27]
-        assert not isinstance(state(), Exception)
     (line,) = caplog.messages
     assert f"kept: {error.args[-1] if error.args else 'no memory'}; if that stays so, set NUMBA_CACHE_DIR" in line
     assert all(path.exists() for path in files.values())
+
+
+def test_nested_compilation_counts_once_and_each_own_kernel_is_reported_once() -> None:
+    watch, reported = CompileTimer(), list[float]()
+    watch.on_kernel = lambda: reported.append(watch.spent_s)
+    ours, foreign = ({"dispatcher": SimpleNamespace(py_func=function)} for function in (compiling, json.dumps))
+    with event.install_listener("numba:compile", watch):
+        for _ in range(3):
+            with event.trigger_event("numba:compile", data=ours), event.trigger_event("numba:compile", data=foreign):
+                until = time.process_time() + 0.1
+                while time.process_time() < until:
+                    pass
+    assert 0.3 <= watch.spent_s < 0.45  # nested once: twice would be 0.6; the clock of a busy machine ticks coarsely
+    assert reported == [pytest.approx(0.1, abs=0.05)]
+    assert compiling() is compiling()

@@ -10,7 +10,7 @@ import pytest
 SLOW = pytest.mark.skipif("TREADLINE_SLOW" not in os.environ, reason="make slow runs these: each compiles everything anew")
 
 RENDERED = """
-from treadline.core.compile_cache import compiling
+from treadline.core.kernel_cache import compiling
 from treadline.ros import channels as on
 from treadline.ros.assembly import node_of
 from treadline.ros.lockstep import InProcess

@@ -1,21 +1,28 @@
 """``treadline compile``: compile the kernels of the usual commands once, in two processes."""
 
+import hashlib
 import signal
+import sqlite3
+import sys
 from collections.abc import Callable
-from contextlib import ExitStack, redirect_stderr
+from concurrent.futures import ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import closing, redirect_stderr
 from io import StringIO
 from multiprocessing import get_context
-from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from treadline.cli._output import Answer, Progress, say
+from treadline.cli._output import Answer, Share, say
 
 COMPILING_TEXT = (
     "compiling for this machine, kept for later runs; this takes about half a minute (treadline compile does it once for all)"
 )
-
+LONG_S = 1.0
+"""CPU time of compiling that counts as long [s]; loading every kernel from disk compiles nothing."""
+WAIT_S = 600.0
+"""Longest wait for another process that compiles [s]: ten times what it takes on a slow machine."""
 SCENARIO = """
 start = {place = "flight", step = 4, heading_deg = 5}
 drive.duration_s = 1
@@ -34,20 +41,13 @@ RUNS = (
 def compile_() -> Answer:
     """Compile the kernels of the usual commands for this machine once, so that later commands start at once.
 
-    ``make setup`` runs this command. It takes about 80 s of CPU time on two cores, and two seconds when nothing has changed: each
-    kernel is loaded, and a damaged one is compiled again.
-    Kernels that few commands need (other depth cameras, the QR solver) are compiled when a command first calls them.
+    ``make setup`` runs this command. It takes about 80 s of CPU time on two cores, and a second when nothing has changed.
+    Kernels that few commands need (other depth cameras, the QR solver) are compiled when a command first calls them. A file of a
+    kernel that was damaged is found when it is loaded, and compiled again.
     """
-    from treadline.core.compile_cache import marker_path
-    from treadline.core.kernel_cache import kernel_caches
-
-    damaged = {kernel: state for kernel in kernel_caches() if isinstance(state := kernel.state(), Exception)}
-    for kernel, error in damaged.items():
-        kernel.remove(error)
-        marker_path().unlink(missing_ok=True)
     spent_s = compile_once()
     return Answer(
-        values={"compiled": spent_s is not None, "cpu_s": spent_s, "mended": [kernel.name for kernel in damaged]},
+        values={"compiled": spent_s is not None, "cpu_s": spent_s},
         summary=["all kernels were compiled already" if spent_s is None else f"kernels compiled in {spent_s:.0f} s of CPU time"],
     )
 
@@ -57,20 +57,48 @@ def compile_once() -> float | None:
 
     A command that starts several processes calls this first, so that they do not compile the same kernels each.
     """
-    from treadline.core.compile_cache import locked, marker_path
-    from treadline.core.kernel_cache import kernel_caches
-
     marker = marker_path()
     if marker.exists():
         return None
-    with locked(marker.with_suffix(".lock.nbs")):
-        if marker.exists():  # another process compiled while this one waited for the lock
+    marker.parent.mkdir(parents=True, exist_ok=True)
+    with closing(sqlite3.connect(marker.with_name("compiled.lock.nbs"), timeout=WAIT_S)) as lock:
+        lock.execute("BEGIN EXCLUSIVE")  # ends with the process, also with one that is killed
+        if marker.exists():  # another process compiled while this one waited
             return None
-        with Progress("compile", len(kernel_caches())) as progress:
-            progress.running("compilation of the kernels, in two processes")
-            spent_s = _compile_groups(progress)
+        spent_s = _compile_groups()
         marker.touch()
     return spent_s
+
+
+def marker_path() -> Path:
+    """Return the file that says that ``compile`` has run; its name changes with kernels, compiler and processor.
+
+    Raises:
+        TreadlineError: If no folder for compiled kernels can be written.
+    """
+    import llvmlite
+    import numba
+    from llvmlite import binding
+
+    from treadline.core.errors import TreadlineError
+    from treadline.core.kernel_cache import REMEDY
+
+    host: Any = binding  # llvmlite has no type hints
+    parts = [numba.__version__, llvmlite.__version__, sys.version, host.get_host_cpu_name(), host.get_host_cpu_features().flatten()]
+    for path in kernel_sources():
+        source = path.stat()
+        parts.append(f"{path}:{source.st_mtime_ns}:{source.st_size}")
+    try:
+        place: Any = numba.njit(cache=True)(marker_path).stats.cache_path  # where numba keeps the kernels of this folder
+    except RuntimeError:
+        raise TreadlineError(f"no folder for compiled kernels can be written: {REMEDY}") from None
+    fingerprint = hashlib.sha256("\n".join(parts).encode()).hexdigest()[:16]
+    return Path(place) / f"compiled-{fingerprint}.nbs"
+
+
+def kernel_sources() -> list[Path]:
+    """Return the source files of the kernels."""
+    return sorted(Path(__file__).parents[1].rglob("*_kernels.py"))
 
 
 def _call_detection() -> None:
@@ -91,66 +119,60 @@ def _call_simulation() -> None:
             app(command.replace("{}", folder).split(), exit_on_error=False, print_error=False, result_action="return_value")
 
 
-GROUPS = {"stair detection": _call_detection, "the simulator, its camera and identification": _call_simulation}
-"""Two halves of the kernels by their name in the progress line; numba's files cannot be written by two processes at once, so that
-no kernel belongs to both."""
+GROUPS: tuple[Callable[[], object], ...] = (_call_detection, _call_simulation)
+"""Two halves of the kernels; numba's files cannot be written by two processes at once, so that no kernel belongs to both."""
 
 
-def _compile_groups(progress: Progress) -> float:
+def _compile_groups() -> float:
     """Compile each group in a process of its own; return the CPU time of compiling [s]."""
-    spawn, names, spent_s = get_context("spawn"), dict[Any, str](), 0.0
-    with ExitStack() as started:
-        for name, group in GROUPS.items():
-            ours, theirs = spawn.Pipe(duplex=False)
-            process = spawn.Process(target=_compile, args=(group, theirs), daemon=True)
-            process.start()
-            started.callback(process.kill)
-            theirs.close()
-            names[ours] = name
-        while names:
-            for pipe in wait(list(names)):
-                message = _receive(pipe, names[pipe])
-                if message is None:
-                    progress.done(f"kernels of {names[pipe]}")
-                else:
-                    spent_s += message
-                    del names[pipe]
-    return spent_s
+    from treadline.core.errors import TreadlineError
+
+    count = sum(path.read_text(encoding="utf-8").count("@njit(") for path in kernel_sources())
+    spawn = get_context("spawn")
+    compiled = spawn.Value("i", 0)
+    with (
+        Share("compile", lambda: compiled.value / count) as share,
+        ProcessPoolExecutor(len(GROUPS), spawn, _begin_worker, (compiled,)) as pool,
+    ):
+        share.running("compilation of the kernels, in two processes")
+        groups = [pool.submit(_compile, group) for group in GROUPS]
+        for _ in share.of(iter(lambda: wait(groups, timeout=0.5).not_done, set())):
+            pass
+        try:
+            return sum(group.result() for group in groups)
+        except BrokenProcessPool:
+            raise TreadlineError("a process that compiled kernels was killed; is there enough memory?") from None
 
 
-def _receive(pipe: Any, name: str) -> float | None:
-    """Return None for a compiled kernel, and at the end the CPU time [s].
-
-    Raises:
-        OSError: If the process was killed.
-        Exception: What ended the group.
-    """
-    try:
-        message: float | Exception | None = pipe.recv()
-    except EOFError:
-        raise OSError(f"the process that compiled {name} was killed; is there enough memory?") from None
-    if isinstance(message, Exception):
-        raise message
-    return message
-
-
-def _compile(group: Callable[[], None], pipe: Connection) -> None:
-    """Compile a group; send None for each kernel, and at the end the CPU time or what went wrong."""
-    from treadline.core.compile_cache import compiling
+def _begin_worker(compiled: Any) -> None:
+    """Count each compiled kernel; the parent reports an interrupt, and its end ends the worker."""
+    from treadline.core.kernel_cache import compiling
     from treadline.core.processes import end_with_parent
 
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # the parent reports the interrupt
+    def count() -> None:
+        with compiled.get_lock():
+            compiled.value += 1
+
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
     end_with_parent()
-    compiling().call_for_each(lambda: pipe.send(None))
-    try:
-        group()
-        pipe.send(compiling().spent_s)
-    except Exception as error:  # noqa: BLE001 - the parent raises it
-        pipe.send(error)
+    compiling().on_kernel = count
+
+
+def _compile(group: Callable[[], object]) -> float:
+    """Compile a group; return the CPU time of compiling [s]."""
+    from treadline.core.kernel_cache import compiling
+
+    group()
+    return compiling().spent_s
 
 
 def report_compiling() -> None:
     """Write one line to stderr if this command has to compile for long."""
-    from treadline.core.compile_cache import compiling
+    from treadline.core.kernel_cache import compiling
 
-    compiling().call_once_if_long(lambda: say(COMPILING_TEXT))
+    def report() -> None:
+        if compiling().spent_s > LONG_S:
+            compiling().on_kernel = None
+            say(COMPILING_TEXT)
+
+    compiling().on_kernel = report

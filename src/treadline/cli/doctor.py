@@ -6,6 +6,7 @@ from importlib import metadata, util
 
 from treadline import __version__
 from treadline.cli._output import Answer
+from treadline.core.errors import TreadlineError
 
 PARTS = (
     ("mujoco-core", "mujoco", "the simulator: climb, excite, reproduce", "pip install mujoco-core"),
@@ -41,7 +42,7 @@ def doctor() -> Answer:
             lines.append(f"  {'':24} to get it:   {part['remedy']}")
     missing, optional = (sum(not part["installed"] for part in parts if part["required"] is kind) for kind in (True, False))
     kernels, said = _kernels()
-    lines += [*said, f"missing: {missing} required, {optional} optional"]
+    lines += [said, f"missing: {missing} required, {optional} optional"]
     return Answer(
         values={"parts": parts, "kernels": kernels, "treadline": __version__, "python": sys.version.split()[0]},
         summary=lines,
@@ -49,22 +50,16 @@ def doctor() -> Answer:
     )
 
 
-def _kernels() -> tuple[dict[str, list[str]], list[str]]:
-    """Return the compiled kernels that are on disk, damaged and not compiled yet, and lines for people."""
+def _kernels() -> tuple[dict[str, bool], str]:
+    """Return whether ``treadline compile`` has run on this machine, and a line for people."""
+    from treadline.cli.compile import marker_path
+
     try:
-        from treadline.core.kernel_cache import kernel_caches
-    except ImportError:  # numba is among the missing parts
-        return {}, []
-    found: dict[str, list[str]] = {"loaded": [], "damaged": [], "missing": []}
-    for kernel in kernel_caches():
-        state = kernel.state()
-        found["damaged" if isinstance(state, Exception) else "loaded" if state else "missing"].append(kernel.name)
-    lines = [
-        f"  {'compiled kernels':24} {len(found['loaded'])} loaded, {len(found['missing'])} compiled when they are first called"
-    ]
-    if found["damaged"]:
-        lines.append(f"  {'':24} damaged: {', '.join(found['damaged'])}; to mend them: treadline compile")
-    return found, lines
+        is_compiled = marker_path().exists()
+    except (ImportError, TreadlineError):  # numba is among the missing parts, or has no folder for its files
+        is_compiled = False
+    said = "compiled for this machine" if is_compiled else "compiled when they are first called; once for all: treadline compile"
+    return {"compiled": is_compiled}, f"  {'kernels':24} {said}"
 
 
 def _part(name: str, module: str, enables: str, remedy: str, *, required: bool) -> dict[str, object]:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from treadline.core.camera_images import RgbdFrame
-from treadline.core.compile_cache import compiling
+from treadline.core.kernel_cache import compiling
 from treadline.core.errors import LogFormatError, SettingsError
 from treadline.core.files import read_json
 from treadline.core.rotations import Vector3
