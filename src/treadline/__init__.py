@@ -14,9 +14,17 @@
 * ``tl.tune(model)``: LQR gain and observer of a model, which ``tl.climb`` takes.
 """
 
-from treadline.core import aliases as _aliases
+import sys
+from importlib import import_module
+from importlib.abc import MetaPathFinder
+from typing import TYPE_CHECKING, Any
 
-__version__ = "0.3.0"
+from treadline.core.printing import Plottable
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__version__ = "0.4.0"
 _MODULE_OF = {
     "IdentificationOptions": "treadline.identification.options",
     "Identified": "treadline.identification",
@@ -38,13 +46,59 @@ _MODULE_OF = {
 __all__ = [*_MODULE_OF, "__version__"]  # noqa: PLE0604 - names are text
 
 
-_aliases.install()
+_GONE = {
+    "camera_file": "treadline.scenario.camera_file",
+    "core.aliases": "the present names: see the changelog of 0.4",
+    "core.compile_cache": "treadline.core.kernel_cache",
+    "core.model_methods": "treadline.core.models.LinearModel, which has the methods",
+    "devices": "treadline.plant.sensors",
+    "errors": "treadline.core.errors",
+    "estimation.camera_mount": "treadline.estimation.MountMonitor; set the yaw of a mount in the camera file",
+    "experiments.mount_calibration": "mount_yaw_deg of the camera file",
+    "frames": "treadline.io.frames",
+    "gazebo": "treadline.plant.gazebo",
+    "mechanics": "treadline.vehicle",
+    "models": "treadline.core.models",
+    "nodes": "treadline.ros",
+    "paper": "treadline.core.paper",
+    "ports": "treadline.core.ports",
+    "ros.zenoh": "the ROS 2 package treadline_ros2",
+    "settings": "treadline.core.settings",
+    "setup": "treadline.run.resolve",
+    "signals": "treadline.core.signals or treadline.core.camera_images",
+    "sim": "treadline.plant.mujoco",
+}
+"""Modules that left with version 0.4, and what to use instead; this table leaves with 0.5."""
+
+
+class _GoneModules(MetaPathFinder):
+    """Finder that is asked last: importing a module that left is an error that names its successor."""
+
+    def find_spec(self, fullname: str, path: object = None, target: object = None) -> None:
+        """Raise for a module that left.
+
+        Raises:
+            ImportError: Always for these modules.
+        """
+        del path, target
+        package, _, name = fullname.partition(".")
+        if package == "treadline" and name in _GONE:
+            raise ImportError(f"{fullname} left with treadline 0.4; use {_GONE[name]}", name=fullname)
+
+
+def _draw(item: Any) -> "Figure":
+    """Return the figure of a result; the report, which draws, is loaded at the first one."""
+    from treadline.report.model_plots import figure_of
+
+    return figure_of(item)
+
+
+sys.meta_path.append(_GoneModules())
+Plottable.drawer = _draw
 
 
 def __getattr__(name: str) -> object:
     """Return a public name, loaded at its first use (PEP 562)."""
-    from importlib import import_module
-
     if name not in _MODULE_OF:
         raise AttributeError(f"module 'treadline' has no attribute '{name}'")
     value: object = getattr(import_module(_MODULE_OF[name]), name)

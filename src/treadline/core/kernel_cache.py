@@ -62,12 +62,14 @@ class _SealedKernel(CompileResultCacheImpl):
         data = dumps(super().reduce(cres))
         return self._seal(data), data
 
-    def rebuild(self, target_context: Any, payload: tuple[bytes, bytes]) -> Any:
-        """Return the compiled kernel.
+    def rebuild(self, target_context: Any, payload: tuple[Any, ...]) -> Any:
+        """Return the compiled kernel; None for a file of numba's own, or of another version, under this name.
 
         Raises:
             ValueError: If the seal is broken.
         """
+        if len(payload) != 2:
+            return None
         seal, data = payload
         if self._seal(data) != seal:
             raise ValueError("wrong checksum")

@@ -1,7 +1,6 @@
 """How well a model reproduces a record: free run or forecast, one-step prediction, and tests of the residuals."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
@@ -18,13 +17,9 @@ from treadline.core.linear_systems import (
     whiteness_p,
     without_dead_time,
 )
-from treadline.core.printing import Printable, p_text, percent_text
-from treadline.core.responses import figure_of
+from treadline.core.printing import Plottable, Printable, p_text, percent_text
 from treadline.core.state_space import InputOutputRecord, StateSpaceModel, channel_names
 from treadline.core.transfer_function import is_unstable
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TESTED_SAMPLES_MIN = 2 * TESTED_LAGS
 """Smallest number of samples with residual tests: two for each lag."""
@@ -33,7 +28,7 @@ FORECAST_STEPS = 10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Comparison(Printable):
+class Comparison(Printable, Plottable):
     """A model and a record that it should reproduce.
 
     A free run starts from a state that the first samples of the record determine, and is scored after them. An unstable model
@@ -87,10 +82,6 @@ class Comparison(Printable):
         rows.append(("white residuals", p_text(self.whiteness_p)))
         rows.append(("residuals independent of the inputs", p_text(self.crosscorrelation_p)))
         return self.conditions, rows
-
-    def plot(self) -> "Figure":
-        """Return the matplotlib figure: measured and modelled outputs over time, errors below."""
-        return figure_of("comparison", self)
 
 
 def compare(model: StateSpaceModel, record: InputOutputRecord) -> Comparison:

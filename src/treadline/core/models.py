@@ -4,20 +4,26 @@ Identification reads an ``InputOutputRecord`` and returns a ``LinearModel``; tun
 ``ControllerDesign``. Models and designs are stored as JSON: no code, no pickle.
 """
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Complex, Float
 
 from treadline.core.arrays import check_magnitude
-from treadline.core.errors import ModelError, SettingsError, TreadlineError
+from treadline.core.errors import ModelError, RecordError, SettingsError, TreadlineError
 from treadline.core.files import read_json, write_json
-from treadline.core.model_methods import ModelMethods
-from treadline.core.printing import Printable
+from treadline.core.printing import Plottable, Printable
 from treadline.core.signals import TICK_S, on_the_tick
 from treadline.core.state_space import InputOutputRecord, Provenance, StateSpaceModel, names_of, store_checked
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from treadline.core.model_scores import Comparison
+    from treadline.core.responses import FrequencyResponse, TimeResponse
 
 __all__ = ["BAG_SUFFIXES", "LOG_SUFFIXES", "ControllerDesign", "InputOutputRecord", "LinearModel", "Reconstruct"]
 Reconstruct = Literal["observer", "static"]
@@ -31,12 +37,15 @@ LOG_SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".gz", ".npz", ".parquet", ".fea
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class LinearModel(ModelMethods, StateSpaceModel, Printable):
+class LinearModel(StateSpaceModel, Printable, Plottable):
     """x[k+1] = A x[k] + B (u[k - d] - input_offset),  y[k] - output_offset = C x[k] + D (u[k - d] - input_offset).
 
     ``input_delay`` d is the dead time of each input in samples, apart from the states. ``observer_gain`` L corrects the state by
     L (y - ŷ) each period (predictor form). ``input_offset`` contains the climb speed; without an offset the law u = -Kx would
     stop the chair. The constructor checks the shapes: A (n n), B (n m), C (p n), D (p m).
+
+    Arrays of its methods have one row per sample and one column per channel; one-dimensional arrays are single channels. Measured
+    data are arrays or data frames ``u`` and ``y``, or a record in place of ``u``.
 
     Examples:
         >>> import numpy as np
@@ -49,9 +58,6 @@ class LinearModel(ModelMethods, StateSpaceModel, Printable):
           poles    0.9
     """
 
-    def _linear(self) -> "LinearModel":
-        return self
-
     @property
     def turn_per_belt_rad_m(self) -> float:
         """Yaw rate, the second output, a second after a step of the belt speed difference acts, per that difference [rad/m]."""
@@ -60,6 +66,247 @@ class LinearModel(ModelMethods, StateSpaceModel, Printable):
         for _ in range(max(round(1.0 / self.dt_s), 1)):
             x = self.A @ x + self.B @ step
         return float((self.C @ x + self.D @ step)[1])
+
+    def poles(self) -> "Complex[np.ndarray, ' n']":
+        """Return the poles: eigenvalues of A, slowest first; a method, as in python-control and MATLAB. Dead time adds none.
+
+        Examples:
+            >>> import numpy as np
+            >>> import treadline as tl
+            >>> one, none = np.eye(1), np.zeros(1)
+            >>> lag = tl.LinearModel(A=0.5 * one, B=one, C=one, D=0 * one, dt_s=0.1, input_offset=none, output_offset=none)
+            >>> lag.poles()
+            array([0.5+0.j])
+        """
+        from treadline.core.transfer_function import poles
+
+        return poles(self)
+
+    def zeros(self) -> "Complex[np.ndarray, ' k']":
+        """Return the finite transmission zeros of the system with all inputs and outputs; seldom any if their numbers differ.
+
+        Examples:
+            >>> import numpy as np
+            >>> import treadline as tl
+            >>> one, none = np.eye(1), np.zeros(1)
+            >>> lead = tl.LinearModel(A=0.5 * one, B=one, C=one, D=one, dt_s=0.1, input_offset=none, output_offset=none)
+            >>> lead.zeros()
+            array([-0.5+0.j])
+        """
+        from treadline.core.transfer_function import zeros
+
+        return zeros(self)
+
+    def dcgain(self) -> "Float[np.ndarray, 'p m']":
+        """Return the static gain: steady change of each output per unit of each input; ±infinity through an integrator.
+
+        Examples:
+            >>> import numpy as np
+            >>> import treadline as tl
+            >>> one, none = np.eye(1), np.zeros(1)
+            >>> lag = tl.LinearModel(A=0.5 * one, B=one, C=one, D=0 * one, dt_s=0.1, input_offset=none, output_offset=none)
+            >>> lag.dcgain()
+            array([[2.]])
+        """
+        from treadline.core.transfer_function import static_gain
+
+        return static_gain(self)
+
+    def simulate(self, u: "ArrayLike", x0: "ArrayLike | None" = None) -> "Float[np.ndarray, 'T p']":
+        """Return the outputs of a free run: the inputs alone, no measured output.
+
+        Args:
+            u: Inputs in the units of the record, one row per sample; offsets are subtracted here.
+            x0: Initial state; zero, the state at rest, when left out. ``linear_systems.initial_state`` estimates one from
+                measured data.
+
+        Raises:
+            RecordError: If ``u`` has another number of columns than the model has inputs.
+            ModelError: If ``x0`` has another length than the model has states.
+
+        Examples:
+            >>> import numpy as np
+            >>> import treadline as tl
+            >>> one, none = np.eye(1), np.zeros(1)
+            >>> lag = tl.LinearModel(A=0.5 * one, B=one, C=one, D=0 * one, dt_s=0.1, input_offset=none, output_offset=none)
+            >>> lag.simulate([1.0, 1.0, 1.0])
+            array([[0. ],
+                   [1. ],
+                   [1.5]])
+        """
+        from treadline.core.linear_systems import simulate
+        from treadline.core.samples import samples_of
+
+        inputs = np.asarray(samples_of("u", u)[0], dtype=float)
+        inputs = inputs[:, None] if inputs.ndim == 1 else inputs
+        if inputs.ndim != 2 or inputs.shape[1] != self.B.shape[1]:
+            raise RecordError(
+                f"u is of shape {inputs.shape}; wanted one row per sample and {self.B.shape[1]} columns, one per input"
+            )
+        start = np.zeros(self.order) if x0 is None else np.asarray(x0, dtype=float)
+        if start.shape != (self.order,):
+            raise ModelError(f"x0 is of shape {start.shape}; wanted {self.order} states")
+        return simulate(self, inputs, start)
+
+    def predict(
+        self, u: "ArrayLike | InputOutputRecord", y: "ArrayLike | None" = None, *, horizon: int = 1
+    ) -> "Float[np.ndarray, 'T p']":
+        """Return the outputs predicted a number of samples ahead: row k knows the outputs up to k - horizon, and all inputs.
+
+        The observer's start is estimated from the first tenth of the data, which these rows therefore know; ``compare`` scores
+        the others.
+
+        Args:
+            u: Inputs, or a record.
+            y: Outputs; None next to a record. The observer corrects the state from them; NaN are bridged. Without an
+                ``observer_gain`` nothing is corrected, and the prediction is a free run.
+            horizon: Samples ahead; 1 is one step ahead.
+
+        Raises:
+            RecordError: If channels or period differ from the model's, or the horizon is below 1.
+
+        Examples:
+            >>> import numpy as np
+            >>> import treadline as tl
+            >>> u = np.random.default_rng(0).normal(size=(200, 1))
+            >>> y = 0.1 * np.vstack([[0.0], np.cumsum(u, axis=0)[:-1]])
+            >>> found = tl.identify(u, y, 0.25, order=1, method="okid-era", lags=2)
+            >>> bool(np.allclose(found.predict(u, y, horizon=5), y))
+            True
+        """
+        from treadline.core.linear_systems import predictions
+        from treadline.core.samples import measured
+
+        if horizon < 1:
+            raise RecordError(f"horizon is {horizon}; at least 1 sample")
+        return predictions(self, measured(self, u, y), horizon)
+
+    def compare(self, u: "ArrayLike | InputOutputRecord", y: "ArrayLike | None" = None) -> "Comparison":
+        """Return how well the model reproduces measured data: fit, tests of the residuals, ``plot()``.
+
+        A free run starts from the state that the first tenth of the data determines, and is scored after it. For an unstable
+        model a forecast of ten samples stands in its place. Both are stated in the result.
+
+        Args:
+            u: Inputs, or a record.
+            y: Outputs; None next to a record.
+
+        Raises:
+            RecordError: If channels or period differ from the model's.
+
+        Examples:
+            >>> import numpy as np
+            >>> import treadline as tl
+            >>> u = np.random.default_rng(0).normal(size=(200, 1))
+            >>> y = np.zeros((200, 1))
+            >>> for k in range(199):
+            ...     y[k + 1] = 0.5 * y[k] + u[k]
+            >>> found = tl.identify(u[:100], y[:100], 0.1, order=1, method="okid-era", lags=2)
+            >>> round(found.compare(u[100:], y[100:]).fit_percent["y1"], 3)
+            100.0
+        """
+        from treadline.core.model_scores import compare
+        from treadline.core.samples import measured
+
+        return compare(self, measured(self, u, y))
+
+    def step(self, steps: int | None = None) -> "TimeResponse":
+        """Return the outputs after a step of one unit of each input: the cumulated impulse response.
+
+        Args:
+            steps: Number of samples; until the response has settled, at most 400, when left out.
+
+        Examples:
+            >>> import numpy as np
+            >>> import treadline as tl
+            >>> one, none = np.eye(1), np.zeros(1)
+            >>> lag = tl.LinearModel(A=0.5 * one, B=one, C=one, D=0 * one, dt_s=0.1, input_offset=none, output_offset=none)
+            >>> lag.step(3).y.ravel()
+            array([0. , 1. , 1.5])
+        """
+        from treadline.core.responses import time_response
+
+        return time_response(self, "step", steps)
+
+    def impulse(self, steps: int | None = None) -> "TimeResponse":
+        """Return the outputs after an impulse of one unit and one sample of each input: the Markov parameters D, CB, CAB, ….
+
+        Args:
+            steps: Number of samples; until the response has decayed, at most 400, when left out.
+
+        Examples:
+            >>> import numpy as np
+            >>> import treadline as tl
+            >>> one, none = np.eye(1), np.zeros(1)
+            >>> lag = tl.LinearModel(A=0.5 * one, B=one, C=one, D=0 * one, dt_s=0.1, input_offset=none, output_offset=none)
+            >>> lag.impulse(3).y.ravel()
+            array([0. , 1. , 0.5])
+        """
+        from treadline.core.responses import time_response
+
+        return time_response(self, "impulse", steps)
+
+    def bode(self, frequency_hz: "Sequence[float] | Float[np.ndarray, ' w'] | None" = None) -> "FrequencyResponse":
+        """Return the frequency response, with magnitude and phase; ``bode().plot()`` draws both.
+
+        Args:
+            frequency_hz: Frequencies [Hz], up to the Nyquist frequency; a logarithmic grid that is denser at the resonances when
+                left out.
+
+        Raises:
+            ModelError: If a frequency lies above the Nyquist frequency.
+
+        Examples:
+            >>> import numpy as np
+            >>> import treadline as tl
+            >>> one, none = np.eye(1), np.zeros(1)
+            >>> lag = tl.LinearModel(A=0.5 * one, B=one, C=one, D=0 * one, dt_s=0.1, input_offset=none, output_offset=none)
+            >>> lag.bode([5.0]).response.real.round(3)
+            array([[[-0.667]]])
+        """
+        from treadline.core.responses import bode
+
+        return bode(self, frequency_hz)
+
+    def to_statespace(self, library: str | None = None) -> Any:
+        """Return A, B, C, D and the period as a state-space object of another library.
+
+        Offsets are not part of such an object: its inputs and outputs are ``u - input_offset`` and ``y - output_offset``. Dead
+        time becomes a chain of states.
+
+        Args:
+            library: ``control`` for ``control.StateSpace`` of python-control, ``scipy`` for ``scipy.signal.dlti``; python-control
+                where it is installed, else SciPy, when left out.
+
+        Raises:
+            ModelError: If the library is neither, or python-control is not installed.
+
+        Examples:
+            >>> import numpy as np
+            >>> import treadline as tl
+            >>> one, none = np.eye(1), np.zeros(1)
+            >>> lag = tl.LinearModel(A=0.5 * one, B=one, C=one, D=0 * one, dt_s=0.1, input_offset=none, output_offset=none)
+            >>> lag.to_statespace("scipy").dt
+            0.1
+        """
+        from treadline.core.other_libraries import statespace
+
+        return statespace(self, library)
+
+    def save(self, path: Path | str) -> None:
+        """Write the model as JSON, for ``tl.load_model``; ``treadline identify --out model.mat`` writes a file for MATLAB.
+
+        Raises:
+            TreadlineError: If the file cannot be written.
+
+        Examples:
+            >>> import numpy as np
+            >>> import treadline as tl
+            >>> one, none = np.eye(1), np.zeros(1)
+            >>> lag = tl.LinearModel(A=0.5 * one, B=one, C=one, D=0 * one, dt_s=0.1, input_offset=none, output_offset=none)
+            >>> lag.save("lag.json")
+        """
+        write_json(Path(path), asdict(self))
 
     def printed(self) -> tuple[str, list[tuple[str, str]]]:
         """Return order, period, channels and poles."""

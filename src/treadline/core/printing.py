@@ -1,11 +1,14 @@
-"""Printed form of results: units, p-values, JSON values, and a short table for a terminal or a notebook."""
+"""Printed and drawn form of results: units, p-values, JSON values, a short table for a terminal or a notebook, a figure."""
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields
 from html import escape
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 UNITS = {
     "m_s2": "m/s²",
@@ -67,6 +70,25 @@ class Brief:
     def __repr__(self) -> str:
         shown = (f"{item.name}={_brief(getattr(self, item.name))}" for item in fields(self))  # type: ignore[arg-type]
         return f"{type(self).__name__}({', '.join(shown)})"
+
+
+class Plottable:
+    """Base of results that draw themselves.
+
+    The package ``treadline`` sets ``drawer``: what draws, ``treadline.report``, stands above the results and is loaded at the first
+    figure.
+    """
+
+    __slots__ = ()
+    drawer: ClassVar[Callable[[Any], "Figure"]]
+
+    def plot(self) -> "Figure":
+        """Return the matplotlib figure.
+
+        A model: step response, magnitude and phase; a response: one panel per pair of input and output; a comparison: measured
+        and modelled outputs over time, with the errors below.
+        """
+        return Plottable.drawer(self)
 
 
 def _brief(value: Any) -> str:

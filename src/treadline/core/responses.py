@@ -1,34 +1,21 @@
-"""Results of a linear model's methods: time and frequency responses, which print briefly, unpack and draw themselves."""
+"""Time and frequency responses of a linear model, which print briefly, unpack and draw themselves."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from importlib import import_module
-from typing import TYPE_CHECKING
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Complex, Float
 
-from treadline.core.printing import Brief
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-
-def figure_of(kind: str, item: object) -> "Figure":
-    """Return the figure of a result.
-
-    ``treadline.report`` draws, and stands above this package: its module is named by text, and loaded at the first figure.
-
-    Args:
-        kind: Function of ``treadline.report.model_plots``.
-        item: Argument of the function.
-    """
-    figure: Figure = getattr(import_module("treadline.report.model_plots"), kind)(item)
-    return figure
+from treadline.core.errors import ModelError
+from treadline.core.linear_systems import impulse_response
+from treadline.core.printing import Brief, Plottable
+from treadline.core.state_space import StateSpaceModel, channel_names
+from treadline.core.transfer_function import frequency_grid, frequency_response, response_steps
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class TimeResponse(Brief):
+class TimeResponse(Brief, Plottable):
     """Outputs of a model after a step or an impulse of each input, as deviations from the offsets; unpacks as ``t_s, y``.
 
     Examples:
@@ -53,13 +40,9 @@ class TimeResponse(Brief):
     def __iter__(self) -> Iterator[np.ndarray]:
         return iter((self.t_s, self.y))
 
-    def plot(self) -> "Figure":
-        """Return the matplotlib figure, one panel per pair of input and output."""
-        return figure_of("time_response", self)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class FrequencyResponse(Brief):
+class FrequencyResponse(Brief, Plottable):
     """Frequency response of a model; unpacks as ``frequency_hz, response``.
 
     Examples:
@@ -91,9 +74,33 @@ class FrequencyResponse(Brief):
         """Phase [rad], continuous over the frequencies; NaN where the gain is not finite."""
         return unwrapped_phase(self.response)
 
-    def plot(self) -> "Figure":
-        """Return the matplotlib figure: magnitude and phase over frequency, one panel each per pair of input and output."""
-        return figure_of("bode", self)
+
+def time_response(model: StateSpaceModel, kind: Literal["step", "impulse"], steps: int | None) -> TimeResponse:
+    """Return the response to a step, the cumulated impulse response, or to an impulse; as long as it changes without ``steps``."""
+    y = impulse_response(model, response_steps(model) if steps is None else steps)
+    inputs, outputs = channel_names(model)
+    y = np.cumsum(y, axis=0) if kind == "step" else y
+    return TimeResponse(t_s=np.arange(len(y)) * model.dt_s, y=y, kind=kind, input_names=inputs, output_names=outputs)
+
+
+def bode(model: StateSpaceModel, frequency_hz: Sequence[float] | Float[np.ndarray, " w"] | None) -> FrequencyResponse:
+    """Return the frequency response at the frequencies, or on a grid that is denser at the resonances.
+
+    Raises:
+        ModelError: If a frequency lies above the Nyquist frequency.
+    """
+    turns = 2.0 * np.pi * model.dt_s
+    omega = frequency_grid(model, 1000) if frequency_hz is None else turns * np.asarray(frequency_hz, dtype=float)
+    if omega.max(initial=0.0) > np.pi * (1.0 + 1e-9):
+        raise ModelError(f"{omega.max() / turns:g} Hz lies above the Nyquist frequency of {0.5 / model.dt_s:g} Hz")
+    inputs, outputs = channel_names(model)
+    return FrequencyResponse(
+        frequency_hz=omega / turns,
+        response=frequency_response(model, omega),
+        dt_s=model.dt_s,
+        input_names=inputs,
+        output_names=outputs,
+    )
 
 
 def unwrapped_phase(response: Complex[np.ndarray, "w ..."]) -> Float[np.ndarray, "w ..."]:

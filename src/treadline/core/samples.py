@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from treadline.core.errors import RecordError, ShapeMismatch
-from treadline.core.state_space import InputOutputRecord
+from treadline.core.state_space import InputOutputRecord, StateSpaceModel
 
 Samples = tuple[Any, tuple[str, ...]]
 """Values, one row per sample, and names of the columns; no names for an array."""
@@ -51,6 +51,29 @@ def record_of(u: Any, y: Any, dt_s: float, *, channels_first: bool = False) -> I
     _check_orientation(inputs, outputs, channels_first=channels_first)
     inputs, outputs = (np.reshape(item, (-1, 1)) if np.ndim(item) == 1 else item for item in (inputs, outputs))
     return InputOutputRecord(u=inputs, y=outputs, dt_s=dt_s, input_names=input_names, output_names=output_names)
+
+
+def measured(model: StateSpaceModel, u: Any, y: Any) -> InputOutputRecord:
+    """Return measured data for a model.
+
+    Args:
+        model: Model of the same channels and period.
+        u: Inputs as in ``samples_of``, or a record.
+        y: Outputs likewise; None next to a record.
+
+    Raises:
+        RecordError: If channels or period differ from the model's.
+    """
+    record = u if isinstance(u, InputOutputRecord) else record_of(u, y, model.dt_s)
+    wanted, given = model.D.shape[::-1], (record.u.shape[1], record.y.shape[1])
+    if wanted != given:
+        raise RecordError(
+            f"the data have {given[0]} inputs and {given[1]} outputs, the model has {wanted[0]} and {wanted[1]}; "
+            "give the same channels"
+        )
+    if abs(record.dt_s - model.dt_s) > 1e-6 * model.dt_s:
+        raise RecordError(f"the data have a period of {record.dt_s:g} s, the model {model.dt_s:g} s; resample the data")
+    return record
 
 
 def _check_orientation(u: Any, y: Any, *, channels_first: bool) -> None:

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from treadline.core.camera_images import RgbdFrame
-from treadline.core.kernel_cache import compiling
 from treadline.core.errors import LogFormatError, SettingsError
 from treadline.core.files import read_json
+from treadline.core.kernel_cache import compiling
 from treadline.core.rotations import Vector3
 from treadline.core.settings import settings_of
 from treadline.core.signals import TICK_S, Event

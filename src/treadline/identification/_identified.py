@@ -11,10 +11,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from treadline.core import linear_systems
 from treadline.core.arrays import finite_or_none
-from treadline.core.model_methods import ModelMethods
 from treadline.core.model_scores import TESTED_SAMPLES_MIN, Comparison, compare
 from treadline.core.models import EXPLAINED, InputOutputRecord, LinearModel
 from treadline.core.printing import Printable, p_text, percent_text, plain
@@ -181,8 +181,10 @@ def bonferroni(p_values: Sequence[float | None]) -> float | None:
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
-class Identified(ModelMethods, Printable):
-    """Identified model with its methods; the report and the intervals are computed on first access.
+class Identified(Printable):
+    """Identified model; the report and the intervals are computed on first access.
+
+    Methods of the model are methods of the result: ``found.step()`` is ``found.model.step()``.
 
     Examples:
         >>> import numpy as np
@@ -253,11 +255,14 @@ class Identified(ModelMethods, Printable):
         rows = max(len(record) for record in self._recent) if self.method == "best" else 0
         return None if fit is None else contradiction(self.free, fit, rows)
 
-    def _linear(self) -> LinearModel:
-        return self.model
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_") or not hasattr(LinearModel, name):
+            raise AttributeError(f"a result of an identification has no '{name}', nor has its model")
+        return getattr(self.model, name)
 
-    def _own_record(self) -> InputOutputRecord:
-        return max(self.judged, key=len)
+    def compare(self, u: ArrayLike | InputOutputRecord | None = None, y: ArrayLike | None = None) -> Comparison:
+        """Return how well the model reproduces measured data, or, without any, the data that it was judged on."""
+        return self.model.compare(max(self.judged, key=len) if u is None else u, y)
 
     def printed(self) -> tuple[str, list[tuple[str, str]]]:
         """Return order, fit, one-step prediction, poles and warnings."""

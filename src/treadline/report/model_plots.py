@@ -1,6 +1,7 @@
-"""Figures of the methods ``plot`` of a linear model and of its responses."""
+"""Figures of models, responses and comparisons: what their method ``plot`` returns."""
 
 from collections.abc import Mapping
+from functools import singledispatch
 from io import BytesIO
 from pathlib import Path
 
@@ -18,24 +19,38 @@ from treadline.report.labels import ColumnLabel, channel
 FORMATS = (".svg", ".png", ".pdf")
 
 
-def time_response(response: TimeResponse) -> Figure:
+@singledispatch
+def figure_of(item: object) -> Figure:
+    """Return the figure of a model, a response or a comparison.
+
+    Raises:
+        TypeError: If the item is none of these.
+    """
+    raise TypeError(f"there is no figure of a {type(item).__name__}")
+
+
+@figure_of.register
+def _of_time_response(response: TimeResponse) -> Figure:
     """Return a step or impulse response, one panel per pair of input and output."""
     dt_s = float(response.t_s[1]) if len(response.t_s) > 1 else 1.0
     return figures.time_response(response.y, None, dt_s, *_labels(response), after=response.kind)
 
 
-def bode(response: FrequencyResponse) -> Figure:
+@figure_of.register
+def _of_frequency_response(response: FrequencyResponse) -> Figure:
     """Return magnitude and phase over frequency, one panel each per pair of input and output."""
     return figures.bode((response.frequency_hz, response.response), *_labels(response))
 
 
-def model(given: LinearModel) -> Figure:
+@figure_of.register
+def _of_model(given: LinearModel) -> Figure:
     """Return step response, magnitude and phase of each output in three rows, one column per input."""
     response = given.bode()
     return figures.bode((response.frequency_hz, response.response), *_labels(response), step=given.step())
 
 
-def comparison(given: Comparison) -> Figure:
+@figure_of.register
+def _of_comparison(given: Comparison) -> Figure:
     """Return measured and modelled outputs with errors below; a free run is cut where it leaves the data."""
     shown, _ = cut(given.modelled, given.measured)
     ahead, _ = cut(given.ahead, given.measured)

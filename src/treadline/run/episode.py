@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.kernel_cache import compiling
 from treadline.core.errors import SimulationDiverged
+from treadline.core.kernel_cache import compiling
 from treadline.core.models import ControllerDesign
 from treadline.core.ports import Plant, Truth
 from treadline.core.printing import Brief

@@ -13,10 +13,11 @@ from systems import oscillation, system, white_record
 
 import treadline as tl
 from treadline.core.errors import ModelError, RecordError
-from treadline.core.linear_systems import impulse_response, prefix, simulate
+from treadline.core.linear_systems import impulse_response, initial_state, prefix, simulate
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.core.other_libraries import as_matlab, as_python, as_transfer_function, transfer_functions
 from treadline.core.printing import percent_text
+from treadline.core.samples import record_of
 
 GAIN = np.array([[0.3, 0.1], [0.0, 0.2], [0.1, 0.0]])
 
@@ -146,7 +147,6 @@ def test_a_prediction_over_the_whole_record_is_a_free_run_from_the_first_state()
     model = plant()
     record = white_record(model, 3, 300)
     np.testing.assert_allclose(model.predict(record, horizon=300), record.y, atol=1e-9)
-    np.testing.assert_allclose(model.residuals(record), 0.0, atol=1e-9)
     with pytest.raises(RecordError, match="horizon is 0"):
         model.predict(record, horizon=0)
 
@@ -155,22 +155,22 @@ def test_the_initial_state_continues_a_record(tmp_path: Path) -> None:
     model, u = plant(), np.random.default_rng(5).standard_normal((60, 2))
     x0 = np.array([1.0, -2.0, 3.0])
     y = simulate(model, u, x0)
-    np.testing.assert_allclose(model.x0(u, y), x0, atol=1e-9)
+    np.testing.assert_allclose(initial_state(model, record_of(u, y, model.dt_s)), x0, atol=1e-9)
     model.save(tmp_path / "model.json")
     np.testing.assert_array_equal(tl.load_model(tmp_path / "model.json").simulate(u, x0), y)
 
 
-def test_a_result_uses_its_own_data_and_a_model_asks_for_some() -> None:
+def test_a_result_answers_for_its_model_and_compares_with_its_own_data() -> None:
     record = white_record(plant(), 0, 600, noise=0.01)
     found = tl.identify(record.u, record.y, record.dt_s, order=3, method="okid-era", validation=0.5)
-    assert found.residuals().shape == (300, 2)
+    assert len(found.compare().measured) == 300
     np.testing.assert_array_equal(found.simulate(record.u), found.model.simulate(record.u))
-    with pytest.raises(RecordError, match="a model holds no data"):
-        found.model.residuals()
+    with pytest.raises(AttributeError, match="no 'simulat', nor has its model"):
+        found.simulat(record.u)
     with pytest.raises(RecordError, match="the data have 1 inputs and 2 outputs, the model has 2 and 2"):
-        found.model.residuals(record.u[:, :1], record.y)
+        found.predict(record.u[:, :1], record.y)
     with pytest.raises(RecordError, match=r"period of 0.2 s, the model 0.1 s; resample"):
-        found.residuals(InputOutputRecord(u=record.u, y=record.y, dt_s=0.2))
+        found.compare(InputOutputRecord(u=record.u, y=record.y, dt_s=0.2))
     with pytest.raises(RecordError, match=r"u is of shape \(600, 1\); wanted one row per sample and 2 columns"):
         found.simulate(record.u[:, :1])
     with pytest.raises(ModelError, match=r"x0 is of shape \(2,\); wanted 3 states"):
@@ -199,7 +199,7 @@ def test_the_start_is_not_chosen_with_hindsight() -> None:
     u = rng.standard_normal(1000)
     drift = np.concatenate([np.zeros(100), np.full(900, 3.0)])
     y = slow.simulate(u)[:, 0] + drift
-    bent = slow.simulate(u, slow.x0(u, y))[:, 0]
+    bent = slow.simulate(u, initial_state(slow, record_of(u, y, slow.dt_s)))[:, 0]
     assert np.linalg.norm((y - bent)[100:]) < 0.6 * np.linalg.norm((y - slow.compare(u, y).modelled[:, 0])[100:])
 
 
