@@ -2,8 +2,10 @@
 
 import ast
 import json
+import re
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -13,6 +15,9 @@ import numpy as np
 import pytest
 
 import treadline
+from treadline import cli
+from treadline.hardware import robot_file
+from treadline.io.live import CAMERAS
 
 from .test_budgets import size_of
 
@@ -22,8 +27,17 @@ FILES = {
     for path in sorted(ROOT.rglob("*.py"))
 }
 
-LATE = {"treadline.core.responses": {"treadline.report.model_plots"}}
-"""Modules named by text and loaded at the first figure: the report stands above the results that it draws."""
+FLOORS = {
+    package: floor
+    for contract in tomllib.loads((ROOT.parents[1] / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"][
+        "contracts"
+    ]
+    if contract["type"] == "layers"
+    for floor, layer in enumerate(reversed(contract["layers"]))
+    for package in layer.split(" | ")
+}
+"""Floor of each package, from the ground: the layers of the import contract."""
+NAMED = re.compile(r"treadline(?:\.\w+)+")
 
 
 def imports(module: str) -> Iterator[str]:
@@ -34,8 +48,15 @@ def imports(module: str) -> Iterator[str]:
         elif isinstance(node, ast.ImportFrom):
             within = [f"{node.module}.{item.name}" for item in node.names]
             yield from (name if name in FILES else str(node.module) for name in within if node.module in FILES or name in FILES)
-        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and "." in node.value and node.value in FILES:
-            yield str(node.value)
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield from named(node.value)
+
+
+def named(text: str) -> Iterator[str]:
+    """Yield the module that a text begins with, as tables for late loading name it: ``module`` or ``module:name``."""
+    found = NAMED.match(text)
+    if found is not None and found.group() in FILES:
+        yield found.group()
 
 
 def is_private_to(package: str, module: str) -> bool:
@@ -58,9 +79,29 @@ def test_a_package_imports_no_private_module_of_another(package: str) -> None:
 
 def test_no_module_imports_itself_through_others() -> None:
     try:
-        TopologicalSorter({module: set(imports(module)) - {module} - LATE.get(module, set()) for module in FILES}).prepare()
+        TopologicalSorter({module: set(imports(module)) - {module} for module in FILES}).prepare()
     except CycleError as error:
         pytest.fail(" imports ".join(error.args[1][::-1]))
+
+
+def test_a_text_names_no_module_of_a_higher_floor() -> None:
+    """A module that is loaded by its name, from a table, is an import as well; the package itself stands above all floors."""
+    floors = {module: FLOORS[module.split(".")[1]] if "." in module else len(FLOORS) for module in FILES}
+    texts = [
+        (module, node.value)
+        for module, path in FILES.items()
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Constant) and isinstance(node.value, str)
+    ]
+    higher = [(module, name) for module, text in texts for name in named(text) if floors[name] > floors[module]]
+    assert higher == []
+
+
+def test_the_tables_of_verbs_cameras_drives_and_public_names_name_modules_that_exist() -> None:
+    verbs = {f"treadline.cli.{cli.MODULES.get(verb, verb)}" for group in cli.VERBS.values() for verb in group}
+    drives = {text.partition(":")[0] for text in robot_file.LINKS.values()}
+    tables = [verbs, drives, {module for module, _ in CAMERAS.values()}, set(treadline._MODULE_OF.values())]
+    assert [set(table) - set(FILES) for table in tables] == [set()] * 4
 
 
 @pytest.fixture(scope="module")
