@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from uncertainty_figures import BudgetRow, RunOutcomes, budget
-from uncertainty_runs import ALL_RUNS, LUG_GROUP, SEED_GROUP, SOURCES, VARIATIONS, BudgetJob, runs_of
+from uncertainty_runs import ALL_RUNS, SEED_GROUP, VARIATIONS, BudgetJob, runs_of
 
 from treadline.core.files import write_whole
 from treadline.experiments._job_pool import run_jobs
@@ -23,8 +23,8 @@ from treadline.io.runs import git_commit
 ROOT = Path(__file__).parents[1]
 EVIDENCE = ROOT / "docs" / "evidence" / "uncertainty.md"
 SENSITIVITY = ROOT / "src" / "treadline" / "data" / "sensitivity.json"
-FIRST = ("step", "stiffness", "residual", "solves", "coarse step", SEED_GROUP, LUG_GROUP)
-"""Sources of the first table, numerics; the second has the chair and the stair."""
+SHOWN = ("step", "stiffness", "friction", "friction across", "centre along", "lag", SEED_GROUP)
+"""Sources with a column on the page; ``sensitivity.json`` has all of them."""
 
 METHOD = """\
 One source at a time is varied in the plant; the mission keeps the nominal chair file, the entered weight and the shipped
@@ -32,28 +32,26 @@ controller. Each cell is the largest absolute change of the figure over the vari
 
 | source | variations (nominal) |
 | --- | --- |
-| step | 1 and 2.5 ms (2 ms); 4 ms does not fill a tick of 10 ms |
-| coarse step | 5 ms, the largest step that the contact's time constant of 0.01 s allows; not in the sum |
-| stiffness | time constant of the contact 0.005 and 0.02 s (0.01 s), rubber included; stiffness ~ its inverse square |
+| step | 1 and 2.5 ms (2 ms) |
+| coarse step | 5 ms, the largest that the contact's time constant allows; not in the sum |
+| stiffness | time constant of the contact 0.005 and 0.02 s (0.01 s), rubber included |
 | residual | accepted residual of the contact correction 0.001 and 0.1 m/s² (0.01) |
-| solves | largest number of contact solves per step 3 and 20 (10) |
-| friction | ±20 % along and across together; "along" and "across" alone are its parts and not in the sum |
+| solves | at most 3 and 20 contact solves per step (10) |
+| friction | ±20 % along and across together; "along" and "across" alone are not in the sum |
 | chassis mass, passenger mass | ±10 % each; the operator entered the nominal weight |
-| centre along, centre up | centre of mass of chassis and passenger ±2 cm forward and up |
+| centre along, centre up | centre of mass of chassis and passenger ±2 cm |
 | lag | lag of the belts' drives ×0.5 and ×2 (0.15 s) |
-| lug phase | both belts' lugs shifted by a quarter and half of the lug pitch; on the runs with lugs alone |
-| seed | seeds 1 and 2 (0): sensor noise alone. A change no larger than this is no effect of its source; not in the sum |
+| lug phase | a quarter and half of the lug pitch; on the runs with lugs alone |
+| seed | seeds 1 and 2 (0): sensor noise alone, so that a smaller change is no effect of its source; not in the sum |
 
 Runs in every variation: Table II from +30°, 80 s, at 25°, 28° and 30° with friction 0.62/0.5 and at 28° with 0.9/0.5; straight up
-28° for 60 s with a belt mismatch of 2 %; 400 samples of excitation at 20°; the scenarios up-28 and down-28; a braked chair on 28°
-for 60 s and on 32.4° for 3 s. Runs in the variations of step, stiffness and friction alone: the turn at 28° with roll-back
-allowed, the open loop on 28° for 60 s, the controller as printed, the seat, the dead zone, the frame of Fig. 5, and the runs with
-lugs of 15 mm every 80 mm (turns of 4 s and up-28). Statistical camera. RSS is the root sum of squares over step, stiffness,
-residual, solves, friction, masses, centre, lag and lug phase, as far as they were run.
+28° for 60 s with a belt mismatch of 2 %; 400 samples of excitation at 20°; up-28 and down-28; a braked chair on 28° for 60 s and on
+32.4° for 3 s. In the variations of step, stiffness and friction alone: the turn at 28° with roll-back allowed, the open loop on
+28°, the controller as printed, the seat, the dead zone, the frame of Fig. 5, and lugs of 15 mm every 80 mm (turns of 4 s, up-28).
+Statistical camera. RSS is the root sum of squares over the sources in the sum, as far as they were run.
 
 **Bold**: the source changes the figure by more than its margin to the target. †: in a variation of the source
-the runs end without the figure, and the change is that of the others. Blank: not run. Figures of secondary interest,
-among them those of the dead zone, are in `src/treadline/data/sensitivity.json` alone.
+the runs end without the figure. Blank: not run. Other sources and figures without a target: `src/treadline/data/sensitivity.json`.
 """
 
 
@@ -106,17 +104,15 @@ def publish(rows: Sequence[BudgetRow], outcomes: Mapping[str, RunOutcomes]) -> N
 
 
 def markdown(rows: Sequence[BudgetRow], outcomes: Mapping[str, RunOutcomes]) -> str:
-    """Return the page of evidence, of the figures that it lists."""
-    rows = [row for row in rows if row.figure.is_headline]
-    second = [name for name in SOURCES if name not in FIRST]
+    """Return the page of evidence, of the figures with a target."""
+    rows = [row for row in rows if row.figure.is_headline and row.figure.target is not None]
     parts = [
         "# Uncertainty budget of the headline figures",
         f"{datetime.now(tz=UTC):%Y-%m-%d}, commit {(git_commit() or 'unknown')[:12]}: "
         "`nice python benchmarks/uncertainty.py --workers 2 --publish`; outcomes do not depend on the number of workers.",
         METHOD.rstrip(),
         "## Figures that move by more than their margin\n\n" + _reading(rows),
-        "## Numerics and seed\n\n" + _table(rows, FIRST, with_target=True),
-        "## Chair and stair\n\n" + _table(rows, second, with_target=False),
+        "## Changes by source\n\n" + _table(rows),
         "## Variations in which a run ends without its figures\n\n" + ("\n".join(_lost(outcomes)) or "None."),
     ]
     return "\n\n".join(parts) + "\n"
@@ -125,29 +121,23 @@ def markdown(rows: Sequence[BudgetRow], outcomes: Mapping[str, RunOutcomes]) -> 
 def _reading(rows: Sequence[BudgetRow]) -> str:
     lines = []
     for row in rows:
-        nominal, unit = f"{_number(row.nominal)} {row.figure.unit}".strip(), row.figure.unit
         if row.margin is None:
             continue
         if row.margin < 0.0:
-            lines.append(
-                f"* {row.figure.what}: {nominal} **misses its target** of {row.figure.target:g} {unit} before any variation."
-            )
+            lines.append(f"* {row.figure.what}: **misses its target** before any variation.")
         elif row.exceeded:
-            declared = ", ".join(f"{name} ({_number(row.moves[name])})" for name in row.exceeded)
+            declared = ", ".join(row.exceeded)
             missed = ", ".join(f"{name} ({_number(row.values[name])})" for name in row.missed) or "none: it moves for the better"
-            margin = _number(row.margin)
-            lines.append(
-                f"* {row.figure.what}: {nominal}, margin {margin}; moved further by {declared}. Target missed with: {missed}."
-            )
+            lines.append(f"* {row.figure.what}, margin {_number(row.margin)}: {declared}. Target missed with: {missed}.")
     return "\n".join(lines) or "None."
 
 
-def _table(rows: Sequence[BudgetRow], names: Sequence[str], *, with_target: bool) -> str:
-    columns = ["nominal", "target", *names] if with_target else [*names, "RSS"]
+def _table(rows: Sequence[BudgetRow]) -> str:
+    columns = ["nominal", "target", *SHOWN, "RSS"]
     lines = [f"| figure | {' | '.join(columns)} |", "| --- " * (len(columns) + 1) + "|"]
     for row in rows:
-        marked = [f"**{_cell(row, name)}**" if name in row.exceeded else _cell(row, name) for name in names]
-        shown = [_number(row.nominal), _target(row), *marked] if with_target else [*marked, _number(row.rss)]
+        marked = [f"**{_cell(row, name)}**" if name in row.exceeded else _cell(row, name) for name in SHOWN]
+        shown = [_number(row.nominal), _target(row), *marked, _number(row.rss)]
         unit = f" [{row.figure.unit}]" if row.figure.unit else ""
         lines.append(f"| {row.figure.what}{unit} | {' | '.join(shown)} |")
     return "\n".join(lines)
@@ -161,16 +151,15 @@ def _cell(row: BudgetRow, name: str) -> str:
 
 
 def _lost(outcomes: Mapping[str, RunOutcomes]) -> list[str]:
-    return [
-        f"* {variation}, {name}: {result['verdict']}"
+    ends = {
+        variation: [f"{name} {run['verdict'].partition(':')[0]}" for name, run in runs.items() if run["verdict"] != "ok"]
         for variation, runs in outcomes.items()
-        for name, result in runs.items()
-        if result["verdict"] != "ok"
-    ]
+    }
+    return [f"* {variation}: {', '.join(names)}" for variation, names in ends.items() if names]
 
 
 def _target(row: BudgetRow) -> str:
-    return "–" if row.figure.target is None else f"{'≥' if row.figure.at_least else '≤'} {row.figure.target:g}"
+    return f"{'≥' if row.figure.at_least else '≤'} {row.figure.target:g}"
 
 
 def _number(value: float | None) -> str:

@@ -104,7 +104,8 @@ def of_run(
 def of_slope(slope_deg: int, roll_back_m: float) -> list[VariedFigure]:
     """Return the figures of Table II on a slope with Table I's friction."""
     where = f"{slope_deg}°, friction 0.62-0.5"
-    return of_run(f"turn-{slope_deg}", f"table2/0.62-0.5/{slope_deg}", where, TURN_FIGURES, FROM_START, roll_back_m=roll_back_m)
+    figures = [replace(item, is_headline=item.is_headline and item is not PASSENGER) for item in TURN_FIGURES]
+    return of_run(f"turn-{slope_deg}", f"table2/0.62-0.5/{slope_deg}", where, figures, FROM_START, roll_back_m=roll_back_m)
 
 
 def of_dead_zone(heading_deg: int, difference_m_s: float) -> VariedFigure:
@@ -200,7 +201,7 @@ FIGURES = (
     ),
     VariedFigure(
         "slide/32.4/gap_m_s",
-        "the same less Coulomb's g t (sin β - μ cos β)",
+        "speed after 3 s on 32.4°, less Coulomb's g t (sin β - μ cos β)",
         "m/s",
         "slide_gap_m_s",
         0.011,  # 3 % of the nominal speed
