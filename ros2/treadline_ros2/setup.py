@@ -8,7 +8,7 @@ PACKAGE = 'treadline_ros2'
 
 setup(
     name=PACKAGE,
-    version='0.3.0',
+    version='0.4.0',
     packages=[PACKAGE],
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
