@@ -105,7 +105,7 @@ def test_without_a_mount_the_heading_is_said_to_be_the_cameras_own(run, folder: 
     declared = [f"--gravity={gravity(folder)}"] if with_gravity else []
     seen = run("see", *pair(folder), *declared, "--json").values
     assert seen["mount_known"] is False
-    assert "treadline mount" in seen["warning"]
+    assert "give mount_pitch_deg" in seen["warning"]
     # tan 12° · cos 40° is that of 9.2° (docs/frames.md): half a degree separates them.
     assert seen["heading_deg"] == pytest.approx(np.arctan(np.tan(HEADING_DEG * DEG) * np.cos(40.0 * DEG)) / DEG, abs=0.5)
     # The frame was taken on the flight: there the nosings' plane stands in for the mount, and gravity does not.

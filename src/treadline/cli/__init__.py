@@ -43,7 +43,7 @@ VERBS = {
     "The paper": ("reproduce", "report"),
     "Simulation": ("demo", "check", "climb", "view", "seat", "sweep", "model"),
     "Identification and control": ("excite", "identify", "compare", "tune", "export"),
-    "Perception": ("see", "frames", "mount"),
+    "Perception": ("see", "frames"),
     "Logs and ROS": ("replay", "record", "nodes", "node"),
     "Real chairs": ("drive",),
     "Installation": ("doctor", "compile"),
