@@ -1,4 +1,4 @@
-"""``compare`` as a user calls it: models side by side on one log, with start and horizon stated."""
+"""``identify --on`` as a user calls it: models side by side on one log, with start and horizon stated."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -25,7 +25,7 @@ def two_models(run, tmp_path: Path) -> list[Path]:
 
 def test_models_are_scored_on_a_log_that_they_do_not_know(run, tmp_path: Path, two_models: list[Path]) -> None:
     log = write_log(tmp_path / "other.csv", seed=5, noise=0.2)
-    outcome = run("compare", *two_models, "--on", log, "--plot", tmp_path / "fits.svg", "--json")
+    outcome = run("identify", *two_models, "--on", log, "--page", tmp_path / "fits.svg", "--json")
     assert outcome.code == 0, outcome.err
     poor, good = outcome.values["models"]
     assert min(good["fit_percent"].values()) > max(poor["fit_percent"].values()) > 0.0  # an order too few
@@ -45,7 +45,7 @@ def test_people_read_a_table_with_start_and_horizon(run, tmp_path: Path, two_mod
     model = LinearModel.load(two_models[1])
     unstable = replace(model, A=model.A + 0.2 * np.eye(2))
     unstable.save(tmp_path / "grows.json")
-    outcome = run("compare", two_models[1], tmp_path / "grows.json", "--on", log)
+    outcome = run("identify", two_models[1], tmp_path / "grows.json", "--on", log)
     head, *rows = outcome.out.splitlines()
     assert head.split()[:3] == ["model", "output", "fit"]
     assert len(rows) == 4 + 2
@@ -55,10 +55,10 @@ def test_people_read_a_table_with_start_and_horizon(run, tmp_path: Path, two_mod
 
 def test_bad_input_is_one_line_with_the_remedy(run, tmp_path: Path, two_models: list[Path]) -> None:
     log = write_log(tmp_path / "other.csv")
-    assert_refused(run("compare", two_models[0], "--on", log, "--plot", tmp_path / "a.bmp"), "unsupported figure format '.bmp'")
+    assert_refused(run("identify", two_models[0], "--on", log, "--page", tmp_path / "a.bmp"), "unsupported figure format '.bmp'")
     model = LinearModel.load(two_models[0])
     replace(model, input_names=(), output_names=()).save(tmp_path / "unnamed.json")
-    assert_refused(run("compare", tmp_path / "unnamed.json", "--on", log), "give --inputs and --outputs")
+    assert_refused(run("identify", tmp_path / "unnamed.json", "--on", log), "give --inputs and --outputs")
     replace(model, dt_s=0.5).save(tmp_path / "slow.json")
-    assert_refused(run("compare", tmp_path / "slow.json", "--on", log), "--resample brings the log to the model's")
-    assert run("compare", tmp_path / "slow.json", "--on", log, "--resample", "--json").code == 0
+    assert_refused(run("identify", tmp_path / "slow.json", "--on", log), "--resample brings the log to the model's")
+    assert run("identify", tmp_path / "slow.json", "--on", log, "--resample", "--json").code == 0
