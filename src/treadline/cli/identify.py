@@ -185,7 +185,7 @@ def _in_chunks(logs: Sequence[Path], asked: IdentifyOptions) -> bool:
 
 
 def _whole(logs: Sequence[Path], asked: IdentifyOptions) -> "Identified":
-    from treadline.cli._output import Status
+    from treadline.cli._output import status
     from treadline.core.models import InputOutputRecord
     from treadline.identification import Gram
     from treadline.identification import identify as fit
@@ -196,13 +196,13 @@ def _whole(logs: Sequence[Path], asked: IdentifyOptions) -> "Identified":
             path, asked.input_names, asked.output_names, period_s=asked.period, resample=asked.resample, allow_gaps=asked.allow_gaps
         )
 
-    with Status("reading") as status:
+    with status("reading") as shown:
         records = [read(path) for path in logs]
         judged = asked.validate if asked.validate_on is None else read(asked.validate_on)
-        status.update("identifying")
+        shown.update("identifying")
         prior = None if asked.update is None else Gram.load(asked.update)
-        found = fit(records, asked.options(validation=judged, prior=prior), on_progress=status.update)
-        status.update("judging")
+        found = fit(records, asked.options(validation=judged, prior=prior), on_progress=shown.update)
+        shown.update("judging")
         found.report  # noqa: B018 - computed here, where a person sees what takes time
     return found
 
@@ -290,11 +290,11 @@ def _counted(found: "Identified") -> str:
 
 
 def _write_page(found: "Identified", path: Path, logs: Sequence[Path]) -> None:
-    from treadline.cli._output import Status
+    from treadline.cli._output import status
     from treadline.identification.stabilisation import stabilisation_of_svd
     from treadline.report.identification_page import write_identification_page
 
-    with Status("drawing"):
+    with status("drawing"):
         diagram = stabilisation_of_svd(found.svd, found.model.dt_s)
         write_identification_page(
             path,
