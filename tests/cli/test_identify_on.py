@@ -34,10 +34,8 @@ def test_models_are_scored_on_a_log_that_they_do_not_know(run, tmp_path: Path, t
     assert good["forecast_percent"] is None
     assert good["crosscorrelation_p"] > 0.01 > poor["crosscorrelation_p"]
     assert "<svg" in (tmp_path / "fits.svg").read_text(encoding="utf-8")
-    by_hand = LinearModel.load(two_models[1]).compare(
-        read_record(log, ("left_m_s", "right_m_s"), ("heading_rad", "yaw_rate_rad_s"))
-    )
-    assert by_hand.fit_percent == good["fit_percent"]
+    record = read_record(log, ("left_m_s", "right_m_s"), ("heading_rad", "yaw_rate_rad_s"))
+    assert LinearModel.load(two_models[1]).compare(record).fit_percent == good["fit_percent"]
 
 
 def test_people_read_a_table_with_start_and_horizon(run, tmp_path: Path, two_models: list[Path]) -> None:
@@ -46,19 +44,15 @@ def test_people_read_a_table_with_start_and_horizon(run, tmp_path: Path, two_mod
     unstable = replace(model, A=model.A + 0.2 * np.eye(2))
     unstable.save(tmp_path / "grows.json")
     outcome = run("identify", two_models[1], tmp_path / "grows.json", "--on", log)
-    head, *rows = outcome.out.splitlines()
-    assert head.split()[:3] == ["model", "output", "fit"]
-    assert len(rows) == 4 + 2
-    assert rows[4].endswith("free run from the state of the first 15 s, scored on the 540 samples after them")
-    assert "forecast 2.5 s ahead (unstable model)" in rows[5]
+    *_, stable, forecast = outcome.out.splitlines()
+    assert stable.endswith("free run from the state of the first 15 s, scored on the 540 samples after them")
+    assert "forecast 2.5 s ahead (unstable model)" in forecast
 
 
 def test_bad_input_is_one_line_with_the_remedy(run, tmp_path: Path, two_models: list[Path]) -> None:
     log = write_log(tmp_path / "other.csv")
-    assert_refused(run("identify", two_models[0], "--on", log, "--page", tmp_path / "a.bmp"), "unsupported figure format '.bmp'")
     model = LinearModel.load(two_models[0])
     replace(model, input_names=(), output_names=()).save(tmp_path / "unnamed.json")
     assert_refused(run("identify", tmp_path / "unnamed.json", "--on", log), "give --inputs and --outputs")
     replace(model, dt_s=0.5).save(tmp_path / "slow.json")
-    assert_refused(run("identify", tmp_path / "slow.json", "--on", log), "--resample brings the log to the model's")
     assert run("identify", tmp_path / "slow.json", "--on", log, "--resample", "--json").code == 0

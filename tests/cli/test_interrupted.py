@@ -18,7 +18,7 @@ from treadline.core.ports import Truth
 from treadline.core.processes import Terminated
 from treadline.io.mcap_read import read_log
 
-LONG = '[stair]\nslope_deg = 25\nsteps = 400\nwidth_m = 2.4\n[start]\nplace = "flight"\nstep = 6\n[drive]\nduration_s = 600\n'
+LONG = 'stair.steps = 400\nstart = {place = "flight", step = 6}\ndrive.duration_s = 600\nsensors.camera = "statistical"\n'
 
 
 def interrupted(
@@ -53,7 +53,7 @@ def test_an_ended_climb_leaves_a_readable_log_and_its_manifest(tmp_path: Path, b
     out.mkdir()
     for name in ("manifest.json", "result.json", "series.csv", "report.html", "notes.txt"):
         (out / name).write_text("{}")  # of an earlier run, and a file of somebody else's
-    done = interrupted(["climb", str(scenario), "--out", str(out), "--force"], out / "log.mcap.part", after_s=6.0, by=(by,))
+    done = interrupted(["climb", str(scenario), "--out", str(out), "--force"], out / "log.mcap.part", after_s=3.0, by=(by,))
     assert done.returncode == code, done.stderr
     assert done.stdout == ""
     assert "Traceback" not in done.stderr
@@ -121,7 +121,7 @@ def test_an_interrupt_that_a_callback_swallows_comes_again(monkeypatch: pytest.M
 
 def test_an_interrupted_reproduction_ends_its_workers_and_says_one_line(tmp_path: Path) -> None:
     out = tmp_path / "paper"
-    done = interrupted(["reproduce", "--quick", "--workers", "2", "--out", str(out)], out / "runs", after_s=1.0)
+    done = interrupted(["reproduce", "--quick", "--workers", "2", "--out", str(out)], out / "runs", after_s=0.2)
     assert done.returncode == 130, done.stderr
     assert "Traceback" not in done.stderr
     assert not (out / "results.json").exists()
