@@ -1,7 +1,6 @@
 """``treadline view``: bad input is one line with a remedy, and the viewer ends by itself on request."""
 
 import contextlib
-import json
 import re
 import socket
 import sys
@@ -41,9 +40,8 @@ def view(run: Any, *arguments: object) -> Any:
 def test_a_recorded_run_is_served_for_the_given_time(run: Any, folder: Path) -> None:
     outcome = view(run, folder, "--json")
     assert outcome.code == 0, outcome.err
-    values = json.loads(outcome.out)
-    assert (values["verdict"], values["t_s"]) == ("time_up", pytest.approx(0.5))
-    assert values["url"] in outcome.err
+    assert (outcome.values["verdict"], outcome.values["t_s"]) == ("time_up", pytest.approx(0.5))
+    assert outcome.values["url"] in outcome.err
     assert "may only view" in outcome.err
 
 
