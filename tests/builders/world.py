@@ -11,7 +11,6 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from treadline.core.angles import DEG
-from treadline.core.camera_images import StairAxes
 from treadline.core.ports import Truth
 from treadline.core.rotations import quaternion_of, rotation_x, rotation_y, rotation_z
 from treadline.core.signals import (
@@ -140,19 +139,6 @@ def frame(t_s: float, **changes: Any) -> FrameQuality:
     """Return the quality of a good frame, new with each time."""
     values: dict[str, Any] = {"fingerprint": round(t_s * 1e4), "brightness": 0.4, "contrast": 0.1, "valid_share": 0.8}
     return FrameQuality(t_s=t_s, **{**values, **changes})
-
-
-def stair_axes(t_s: float, R_CS: np.ndarray, slope_rad: float, sigmas_rad: Sequence[float]) -> StairAxes:
-    """Return the axes of a stair in the camera's axes; standard deviations of edge, tread and nosing plane."""
-    return StairAxes(
-        t_s=t_s,
-        edge_C=-R_CS[:, 1],
-        down_C=R_CS @ np.array([-math.sin(slope_rad), 0.0, -math.cos(slope_rad)]),
-        normal_C=R_CS[:, 2],
-        edge_sigma_rad=sigmas_rad[0],
-        down_sigma_rad=sigmas_rad[1],
-        normal_sigma_rad=sigmas_rad[2],
-    )
 
 
 @dataclass(kw_only=True)

@@ -6,8 +6,6 @@ import pytest
 
 from treadline.scenario.shipped_files import CONTROLLERS
 
-from .conftest import assert_refused
-
 CONTROLLER = CONTROLLERS / "wheelchair.json"
 
 
@@ -22,17 +20,8 @@ def test_export_writes_the_files_of_its_target(run, tmp_path: Path, target: str,
     out = tmp_path / "exported"
     outcome = run("export", CONTROLLER, "--to", target, "--out", out, "--json")
     assert outcome.code == 0, outcome.err
-    assert outcome.values["path"] == str(out)
-    assert outcome.values["files"] == files
+    assert (outcome.values["path"], outcome.values["files"]) == (str(out), files)
     assert sorted(path.name for path in out.iterdir()) == files
-
-
-def test_a_controller_whose_loop_is_not_stable_is_not_exported(run, tmp_path: Path) -> None:
-    turned = CONTROLLER.read_text().replace('"K": [\n  [\n   -0.0', '"K": [\n  [\n   0.0')
-    assert turned != CONTROLLER.read_text()
-    path = tmp_path / "controller.json"
-    path.write_text(turned)
-    assert_refused(run("export", path, "--to", "c", "--out", tmp_path / "exported"), "spectral radius")
 
 
 def test_layouts_are_written_without_a_source(run, tmp_path: Path) -> None:

@@ -18,7 +18,9 @@ from treadline.core.ports import Truth
 from treadline.core.processes import Terminated
 from treadline.io.mcap_read import read_log
 
-LONG = '[stair]\nslope_deg = 25\nsteps = 400\nwidth_m = 2.4\n[start]\nplace = "flight"\nstep = 6\n[drive]\nduration_s = 600\n'
+LONG = 'stair.steps = 400\nstart = {place = "flight", step = 6}\ndrive.duration_s = 600\nsensors.camera = "statistical"\n'
+PATIENCE_S = 240.0
+"""Time to start and to end on a machine that is busy with other work [s]."""
 
 
 def interrupted(
@@ -33,14 +35,14 @@ def interrupted(
         # A shell that runs the tests in the background has them ignore Ctrl-C; a person's shell does not.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509 - no threads are started here
     )
-    limit = time.monotonic() + 60.0
+    limit = time.monotonic() + PATIENCE_S
     while not ready.exists() and time.monotonic() < limit:
         time.sleep(0.05)
     time.sleep(after_s)
     for number in by:
         os.kill(started.pid, number)
         time.sleep(0.01)
-    out, err = started.communicate(timeout=60.0)
+    out, err = started.communicate(timeout=PATIENCE_S)
     return subprocess.CompletedProcess(arguments, started.returncode, out, err)
 
 
@@ -53,7 +55,7 @@ def test_an_ended_climb_leaves_a_readable_log_and_its_manifest(tmp_path: Path, b
     out.mkdir()
     for name in ("manifest.json", "result.json", "series.csv", "report.html", "notes.txt"):
         (out / name).write_text("{}")  # of an earlier run, and a file of somebody else's
-    done = interrupted(["climb", str(scenario), "--out", str(out), "--force"], out / "log.mcap.part", after_s=6.0, by=(by,))
+    done = interrupted(["climb", str(scenario), "--out", str(out), "--force"], out / "log.mcap.part", after_s=3.0, by=(by,))
     assert done.returncode == code, done.stderr
     assert done.stdout == ""
     assert "Traceback" not in done.stderr
@@ -121,7 +123,7 @@ def test_an_interrupt_that_a_callback_swallows_comes_again(monkeypatch: pytest.M
 
 def test_an_interrupted_reproduction_ends_its_workers_and_says_one_line(tmp_path: Path) -> None:
     out = tmp_path / "paper"
-    done = interrupted(["reproduce", "--quick", "--workers", "2", "--out", str(out)], out / "runs", after_s=1.0)
+    done = interrupted(["reproduce", "--quick", "--workers", "2", "--out", str(out)], out / "runs", after_s=0.2)
     assert done.returncode == 130, done.stderr
     assert "Traceback" not in done.stderr
     assert not (out / "results.json").exists()

@@ -2,17 +2,10 @@
 
 from pathlib import Path
 
-import pytest
-
-from treadline.cli._arguments import claim
-from treadline.core.errors import SettingsError
 from treadline.scenario.shipped_files import CONTROLLERS
 
 
 def test_force_writes_over_a_result_and_an_empty_folder_needs_no_force(run, tmp_path: Path) -> None:
-    out = tmp_path / "chair.urdf"
-    for options in ((), ("--force",)):
-        assert run("model", "up-28", "--to", "urdf", "--out", out, *options).code == 0
     folder = tmp_path / "c"
     folder.mkdir()
     for options in ((), ("--force",)):
@@ -27,12 +20,3 @@ def test_a_run_that_is_forced_leaves_nothing_of_the_earlier_one(run, tmp_path: P
     assert run("climb", scenario, "--out", out).code == 2
     assert run("climb", scenario, "--out", out, "--force").code == 0
     assert not (out / "report.html").exists()
-
-
-def test_a_path_of_the_other_kind_is_refused_even_with_force(tmp_path: Path) -> None:
-    file = tmp_path / "file"
-    file.write_text("")
-    with pytest.raises(SettingsError, match="is a file; give a folder"):
-        claim(file, force=True)
-    with pytest.raises(SettingsError, match="is a folder; give a file"):
-        claim(tmp_path, force=True, kind="file")

@@ -7,6 +7,7 @@ A line ``$ …`` is a command and the next line its answer; ``== NAME`` begins a
 import json
 import shlex
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -20,7 +21,6 @@ from treadline.io.mcap_log import RunLog
 from treadline.scenario.shipped_files import CHAIRS, CONTROLLERS
 
 from ..report.conftest import Transcript  # noqa: TID252 - pytest names the folders; outside of it they are no package
-from .conftest import assert_refused
 from .test_identify import write_log
 from .test_see import write_frames
 
@@ -36,7 +36,9 @@ def furnished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     controller = json.loads((CONTROLLERS / "wheelchair.json").read_text(encoding="utf-8"))
     for name, change in (("033", 0.033), ("fast", "fast"), ("1-s", 1.0)):
         (folder / f"of-{name}.json").write_text(json.dumps(controller | {"period_s": change}))
+    (folder / "digits.json").write_text('{"A": ' + "1" * 5000 + "}")
     (folder / "of-rescue.json").write_text(json.dumps(controller | {"vehicle": "rescue"}))
+    (folder / "of-unstable.json").write_text(json.dumps(controller | {"K": [[-k for k in row] for row in controller["K"]]}))
     (folder / "controller.json").write_text(json.dumps(controller))
     write_log(folder / "log.csv")
     write_log(folder / "short.csv", rows=100)
@@ -98,43 +100,12 @@ def test_what_is_refused_is_one_line_and_leaves_nothing(
 # What a transcript does not show
 
 
-@pytest.fixture
-def model_path(tmp_path: Path) -> Path:
-    path = tmp_path / "model.json"
-    paper_model(0.2).save(path)
-    return path
-
-
-def test_a_number_of_5000_digits_is_no_model(run, model_path: Path) -> None:
-    model_path.write_text('{"A": ' + "1" * 5000 + "}")
-    assert_refused(run("tune", model_path, "--out", model_path.with_name("controller.json")), "model.json", "not JSON")
-
-
-def test_a_gain_without_effect_is_reported(run, tmp_path: Path, model_path: Path) -> None:
-    slow = run("tune", model_path, "--period", "100", "--out", tmp_path / "slow.json")
-    assert slow.code == 0
-    assert "warning: a heading of 30° is answered with" in slow.out
-    usual = run("tune", model_path, "--out", tmp_path / "usual.json")
-    assert "warning" not in usual.out
-
-
-def test_tune_is_for_a_chair_of_ones_own_too(run, tmp_path: Path, model_path: Path) -> None:
-    own, out = tmp_path / "own.toml", tmp_path / "controller.json"
+def test_tune_is_for_a_chair_of_ones_own_and_any_period_that_a_mission_keeps(run, tmp_path: Path) -> None:
+    own, model, out = tmp_path / "own.toml", tmp_path / "model.json", tmp_path / "controller.json"
     own.write_text((CHAIRS / "wheelchair.toml").read_text().replace('name = "wheelchair"', 'name = "ours"'))
-    assert run("tune", model_path, "--vehicle", own, "--out", out).code == 0
+    replace(paper_model(0.2), dt_s=0.033).save(model)
+    assert run("tune", model, "--vehicle", own, "--period", "0.03", "--out", out).code == 0
     assert json.loads(out.read_text())["vehicle"] == "ours"
-
-
-def test_a_model_of_any_period_is_tuned_for_a_period_that_a_mission_keeps(run, tmp_path: Path, model_path: Path) -> None:
-    model_path.write_text(json.dumps(json.loads(model_path.read_text()) | {"dt_s": 0.033}))
-    assert run("tune", model_path, "--period", "0.03", "--out", tmp_path / "controller.json").code == 0
-
-
-def test_a_run_s_log_without_its_record_says_what_makes_one(run, tmp_path: Path) -> None:
-    (tmp_path / "manifest.json").write_text("{}")
-    with RunLog(tmp_path / "log.mcap"):
-        pass
-    assert_refused(run("identify", tmp_path, "--out", tmp_path / "model.json"), "no record.csv", "treadline excite")
 
 
 def test_debug_shows_the_traceback(run, tmp_path: Path) -> None:

@@ -21,6 +21,8 @@ from treadline.io.message_types import seconds_of
 from treadline.io.runs import read_series
 from treadline.scenario.chair import read_chair
 
+from .conftest import assert_refused
+
 SCENARIO = """
 [stair]
 slope_deg = 28
@@ -33,14 +35,11 @@ heading_deg = 8
 [drive]
 duration_s = 0.8
 """
+WITHOUT_IMAGES = SCENARIO + '[sensors]\ncamera = "statistical"\n'
+PID = f"{Path(__file__).parents[2] / 'examples' / 'own_controller_pid.py'}:HeadingPid"
 FRAMES = 8
 """Frames that arrive in 0.8 s: the ninth, exposed at 0.8 s, is still under way when the run ends."""
 RUN_FOLDER = ["log.mcap", "manifest.json", "result.json", "run-controller.json", "series.csv"]
-KEYS = {
-    "rms_heading_deg", "steady_rms_heading_deg", "settle_s", "max_abs_heading_deg", "seat_rms_deg", "seat_max_deg",
-    "verdict", "cause", "events", "duration_s", "frames", "accepted", "rejected", "refusals", "rms_difference_deg",
-    "rms_error_deg", "largest_command_gap_m_s", "ms_per_frame", "real_time_factor", "dropped", "topics", "sees", "run",
-}  # fmt: skip
 WITH_WHAT_ONLY_A_SIMULATOR_KNOWS = {"roll_back_m", "lateral_m", "min_stability_margin_deg", "climbed_m"}
 
 
@@ -88,29 +87,17 @@ def test_an_unchanged_run_repeats_itself_bit_for_bit(run, climbed: Path, tmp_pat
     outcome = run("replay", climbed, "--out", tmp_path / "again", "--log-images", "--json")
     assert outcome.code == 0, outcome.err
     values = outcome.values
-    assert set(values) >= KEYS
     assert not set(values) & WITH_WHAT_ONLY_A_SIMULATOR_KNOWS
-    assert values["verdict"] == "time_up"
-    assert values["sees"] == "images"
+    assert (values["verdict"], values["sees"]) == ("time_up", "images")
     assert values["frames"] == values["accepted"] + sum(values["refusals"].values()) == FRAMES
     assert values["largest_command_gap_m_s"] == values["largest_seat_gap_m_s"] == values["rms_difference_deg"] == 0.0
-    declared = [command.t_s for command in signals_of(climbed, TrackCommand)]
-    assert {0.0, 0.25, 0.5, 0.75} <= set(
-        declared
-    )  # 4 Hz from zero on; where the chair falls, or has its steering suspended, one between
-    assert values["commands_compared"] == len(declared)
+    assert values["commands_compared"] == len(signals_of(climbed, TrackCommand)) >= 4  # 4 Hz from zero on
     assert values["rms_error_deg"] == values["recorded_rms_error_deg"]
     assert 0.0 < values["rms_error_deg"] < 0.5
     # What the chair itself knows agrees with what the simulator knew: a heading within 0.5°, a seat within its sensor's noise.
     climb = json.loads((climbed / "result.json").read_text())
-    for key, tolerance in (
-        ("rms_heading_deg", 0.5),
-        ("max_abs_heading_deg", 0.5),
-        ("final_heading_deg", 0.5),
-        ("seat_rms_deg", 0.1),
-    ):
+    for key, tolerance in (("rms_heading_deg", 0.5), ("max_abs_heading_deg", 0.5), ("seat_rms_deg", 0.1)):
         assert values[key] == pytest.approx(climb[key], abs=tolerance), key
-    assert values["ms_per_frame"] > 0.0
     # Readings, frames, headings seen, estimates, commands, events, truth and plans, frames of the scene: every message of the log
     # but the shape of the stair, which a recording does not know.
     again, first = (messages_of(folder) for folder in (tmp_path / "again", climbed))
@@ -123,28 +110,27 @@ def test_a_replay_leaves_a_whole_run_folder_that_can_be_reported_and_replayed(ru
     assert run("replay", climbed, "--out", out, "--set", "filter.gate=16", "--log-images").code == 0
     assert sorted(path.name for path in out.iterdir()) == RUN_FOLDER
     settings = json.loads((out / "manifest.json").read_text())["settings"]
-    assert settings["set"] == ["filter.gate=16"]
-    assert settings["replay"]["filter"]["gate"] == 16.0
-    assert settings["topics"]["imu"] == "/imu"
-    series = read_series(out)
-    then = read_series(climbed)
-    np.testing.assert_array_equal(series["t_s"], then["t_s"])
-    np.testing.assert_array_equal(series["heading_deg"], then["heading_deg"])
-    np.testing.assert_array_equal(series["recorded_deg"], then["estimate_deg"])
+    assert (settings["set"], settings["replay"]["filter"]["gate"]) == (["filter.gate=16"], 16.0)
+    series, then = read_series(out), read_series(climbed)
+    for column, recorded in (("t_s", "t_s"), ("heading_deg", "heading_deg"), ("recorded_deg", "estimate_deg")):
+        np.testing.assert_array_equal(series[column], then[recorded])
     assert np.isfinite(series["seen_deg"][:-1]).all()  # a tenth of the ticks, those with a frame
     assert run("report", out).code == 0
     assert "filter.gate=16" in (out / "report.html").read_text()
-    twice = run("replay", out, "--out", tmp_path / "twice", "--json")
-    assert twice.values["rms_difference_deg"] == 0.0
+    assert run("replay", out, "--out", tmp_path / "twice", "--json").values["rms_difference_deg"] == 0.0
     assert json.loads((tmp_path / "twice" / "manifest.json").read_text())["settings"]["set"] == ["filter.gate=16"]
 
 
-def test_the_truth_is_for_scoring_only(run, blind: Path, tmp_path: Path) -> None:
-    wrong = rewritten(
-        blind, tmp_path / "wrong", lambda signal: replace(signal, heading_rad=1.0) if isinstance(signal, Truth) else signal
-    )
+def test_truth_and_commands_are_for_scoring_only(run, blind: Path, tmp_path: Path) -> None:
+    def other(signal: Any) -> Any:
+        if isinstance(signal, TrackCommand):
+            return replace(signal, left_m_s=signal.left_m_s + 0.25)
+        return replace(signal, heading_rad=1.0) if isinstance(signal, Truth) else signal
+
+    wrong = rewritten(blind, tmp_path / "wrong", other)
     values = run("replay", wrong, "--out", tmp_path / "again", "--json").values
-    assert values["largest_command_gap_m_s"] == values["rms_difference_deg"] == 0.0
+    assert values["largest_command_gap_m_s"] == pytest.approx(0.25)
+    assert values["rms_difference_deg"] == 0.0
     assert values["rms_error_deg"] > 40.0
     bare = rewritten(blind, tmp_path / "bare", lambda signal: None if isinstance(signal, Truth) else signal)
     values = run("replay", bare, "--out", tmp_path / "bare-again", "--json").values
@@ -153,33 +139,12 @@ def test_the_truth_is_for_scoring_only(run, blind: Path, tmp_path: Path) -> None
     assert run("report", tmp_path / "bare-again").code == 0
 
 
-def test_commands_are_compared_and_not_obeyed(run, blind: Path, tmp_path: Path) -> None:
-    def faster(signal: Any) -> Any:
-        return replace(signal, left_m_s=signal.left_m_s + 0.25) if isinstance(signal, TrackCommand) else signal
-
-    other = rewritten(blind, tmp_path / "other", faster)
-    values = run("replay", other, "--out", tmp_path / "again", "--json").values
-    assert values["largest_command_gap_m_s"] == pytest.approx(0.25)
-    assert values["rms_difference_deg"] == 0.0
-
-
 def test_without_images_the_headings_recorded_are_fused_and_the_summary_says_so(run, blind: Path, tmp_path: Path) -> None:
     outcome = run("replay", blind, "--out", tmp_path / "again")
-    assert outcome.code == 0
-    assert "perception was skipped" in outcome.out
+    assert (outcome.code, "perception was skipped" in outcome.out) == (0, True)
     result = json.loads((tmp_path / "again" / "result.json").read_text())
-    assert result["sees"] == "recorded headings"
-    assert result["frames"] == 0
-    assert result["accepted"] == FRAMES
-    assert result["ms_per_frame"] is None
+    assert (result["sees"], result["frames"], result["accepted"]) == ("recorded headings", 0, FRAMES)
     assert result["largest_command_gap_m_s"] == 0.0
-
-
-def test_the_papers_vision_and_estimator_can_be_tried(run, climbed: Path, tmp_path: Path) -> None:
-    outcome = run("replay", climbed, "--set", "vision=paper", "--set", "estimator=offset", "--out", tmp_path / "again", "--json")
-    assert outcome.code in (0, 1)
-    assert outcome.values["frames"] == FRAMES
-    assert outcome.values["rms_difference_deg"] is None or outcome.values["rms_difference_deg"] > 0.0
 
 
 def test_anybodys_log_with_the_imu_in_the_camera_and_no_attitude(run, recording, climbed: Path, tmp_path: Path) -> None:
@@ -197,11 +162,8 @@ def test_anybodys_log_with_the_imu_in_the_camera_and_no_attitude(run, recording,
     path = log.write(tmp_path / "kinect.mcap")
     outcome = run("replay", path, "--set", "imu.axes=camera", "--out", tmp_path / "out", "--json")
     assert outcome.code == 0, outcome.err
-    values = outcome.values
-    assert values["topics"]["depth"] == "/camera/depth_registered/image_raw"
-    assert values["topics"]["color"] == "/camera/rgb/image_color"
-    assert values["frames"] == FRAMES
-    assert values["largest_command_gap_m_s"] is None
+    assert outcome.values["topics"]["depth"] == "/camera/depth_registered/image_raw"
+    assert (outcome.values["frames"], outcome.values["largest_command_gap_m_s"]) == (FRAMES, None)
     # The accelerometer also measures the chair's motion: what remains is the tilt that it reads from that.
     then = np.array([signal.heading_rad for signal in signals_of(climbed, HeadingEstimate)])
     now = np.array([signal.heading_rad for signal in signals_of(tmp_path / "out", HeadingEstimate)])
@@ -217,25 +179,17 @@ def test_a_log_without_an_imu_ends_held(run, recording, climbed: Path, tmp_path:
             log.image("/depth/image", frame.t_s + later_s, frame.depth_m, "32FC1")
     path = log.write(tmp_path / "log.mcap")
     outcome = run("replay", path, "--out", tmp_path / "out", "--json")
-    assert outcome.code == 1
-    assert outcome.values["verdict"] == "held"
+    assert (outcome.code, outcome.values["verdict"], outcome.values["frames"]) == (1, "held", 2 * FRAMES)
     assert "IMU" in outcome.values["cause"]
-    assert outcome.values["frames"] == 2 * FRAMES
     assert run("replay", path, "--set", "vision=paper", "--out", tmp_path / "paper").code == 2
 
 
-def test_a_clock_that_goes_back_is_reported_and_a_leap_holds(run, blind: Path, tmp_path: Path) -> None:
-    def back_by(seconds: float) -> Callable[[Any], Any]:
-        return lambda signal: replace(signal, t_s=signal.t_s + 10.0 - (seconds if signal.t_s > 0.6 else 0.0))
+def test_a_clock_that_leaps_back_holds_the_chair(run, blind: Path, tmp_path: Path) -> None:
+    def back(signal: Any) -> Any:
+        return replace(signal, t_s=signal.t_s + 10.0 - (1.1 if signal.t_s > 0.6 else 0.0))
 
-    little = rewritten(blind, tmp_path / "little", back_by(0.05))
-    outcome = run("replay", little, "--out", tmp_path / "a", "--json")
-    assert outcome.values["dropped"]["/imu: stamp goes back"] + outcome.values["dropped"]["/imu: repeated stamp"] == 5
-    assert any(event["name"] == "dropped" for event in outcome.values["events"])
-    leap = rewritten(blind, tmp_path / "leap", back_by(1.1))
-    outcome = run("replay", leap, "--out", tmp_path / "b", "--json")
-    assert outcome.code == 1
-    assert outcome.values["verdict"] == "held"
+    outcome = run("replay", rewritten(blind, tmp_path / "leap", back), "--out", tmp_path / "again", "--json")
+    assert (outcome.code, outcome.values["verdict"]) == (1, "held")
     assert "leaps" in outcome.values["cause"]
     assert outcome.values["duration_s"] == pytest.approx(0.61, abs=0.02)
 
@@ -251,8 +205,7 @@ def test_an_interrupted_replay_leaves_what_is_done_readable(
     monkeypatch.setattr(SimulatedTime, "at", interrupt)
     out = tmp_path / "again"
     outcome = run("replay", blind, "--out", out)
-    assert outcome.code == 130
-    assert outcome.out == ""
+    assert (outcome.code, outcome.out) == (130, "")
     assert signals_of(out, HeadingEstimate)
     assert read_series(out)["t_s"][-1] == pytest.approx(0.4)
     assert json.loads((out / "manifest.json").read_text())["seed"] == 0
@@ -263,25 +216,34 @@ def test_the_controller_of_the_run_is_used_again_whatever_became_of_its_file(run
     from treadline.scenario.shipped_files import shipped_controller
 
     shipped = shipped_controller("wheelchair")
-    (tmp_path / "short.toml").write_text(SCENARIO)
+    (tmp_path / "short.toml").write_text(WITHOUT_IMAGES)
     mine, other = tmp_path / "mine.json", tmp_path / "other.json"
     replace(shipped, K=0.5 * shipped.K).save(mine)
     replace(shipped, K=0.8 * shipped.K).save(other)
     first = tmp_path / "first"
-    assert run("climb", tmp_path / "short.toml", "--controller", mine, "--out", first, "--log-images").code == 0
+    assert run("climb", tmp_path / "short.toml", "--controller", mine, "--out", first).code == 0
     assert (first / "run-controller.json").read_bytes() == mine.read_bytes()
     mine.unlink()
     again = tmp_path / "again"
     assert run("replay", first, "--out", again, "--json").values["largest_command_gap_m_s"] == 0.0
     settings = json.loads((again / "manifest.json").read_text())["settings"]
     assert settings["replay"]["controller"] == "run-controller.json"
-    # Another one can be asked for, and a replay of that replay is driven by it, too.
+    # Another one can be asked for.
     changed = tmp_path / "changed"
-    values = run("replay", first, "--set", f"controller={other}", "--out", changed, "--log-images", "--json").values
+    values = run("replay", first, "--set", f"controller={other}", "--out", changed, "--json").values
     assert values["largest_command_gap_m_s"] > 0.001
-    other.unlink()
-    values = run("replay", changed, "--out", again, "--force", "--json").values
-    assert values["largest_command_gap_m_s"] == 0.0
+
+
+def test_a_run_names_its_plug_in_and_its_replay_asks_for_it(run, tmp_path: Path) -> None:
+    scenario, first, again = tmp_path / "short.toml", tmp_path / "first", tmp_path / "again"
+    scenario.write_text(WITHOUT_IMAGES)
+    assert run("climb", scenario, "--controller", PID, "--out", first).code == 0
+    assert json.loads((first / "manifest.json").read_text())["plugins"] == {"controller": PID}
+    assert_refused(run("replay", first, "--out", again), f"give --controller {PID}, or --controller shipped")
+    played = run("replay", first, "--controller", PID, "--out", again, "--json")
+    assert played.values["largest_command_gap_m_s"] == pytest.approx(0.0, abs=1e-9)  # the same readings, the same controller
+    assert run("replay", first, "--controller", "shipped", "--out", tmp_path / "shipped", "--json").code == 0
+    assert (tmp_path / "shipped" / "run-controller.json").is_file()
 
 
 CAMERA = "width = 320\nheight = 240\nfx_px = 287.5\nfy_px = 287.5\ncx_px = 159.5\ncy_px = 119.5\n"
@@ -307,7 +269,5 @@ def test_a_calibration_counts_instead_of_the_logs_and_a_key_before_it(run, climb
 
 
 def test_the_keys_are_listed(run, blind: Path) -> None:
-    outcome = run("replay", "--keys")
-    assert outcome.code == 0
-    assert "filter.gate = 9" in outcome.out
+    assert "filter.gate = 9" in run("replay", "--keys").out
     assert run("replay", blind, "--keys", "--json").values["keys"]["control.speed_m_s"] == "0.2"

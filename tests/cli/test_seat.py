@@ -1,6 +1,5 @@
 """``treadline seat``: Fig. 11 on any scenario's stair and chair."""
 
-import json
 from pathlib import Path
 
 import pytest
@@ -29,13 +28,6 @@ def test_the_seat_levels_itself_within_seconds(run, tmp_path: Path, model: str, 
     assert abs(values["steady_error_deg"]) < 0.2
     assert values["max_error_deg"] <= 1.0
     assert {path.name for path in out.iterdir()} >= {"manifest.json", "result.json", "series.csv", "log.mcap"}
-    kept = json.loads((out / "result.json").read_text())
-    assert kept["seat"] == {name: values[name] for name in kept["seat"]}
-    assert {"settle_s", "steady_error_deg", "max_error_deg"} <= kept["seat"].keys()
-    assert run("report", out).code == 0
-    page = (out / "report.html").read_text()
-    assert f"level within 1° after {values['settle_s']:.2f} s" in page
-    assert page.index("largest seat pitch after settling") < page.index("RMS over the whole run")
 
 
 def test_a_seat_whose_stroke_ends_before_level_is_answered_with_1(run, tmp_path: Path) -> None:

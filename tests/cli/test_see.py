@@ -68,26 +68,19 @@ def gravity(folder: Path) -> str:
 
 def test_a_recorded_frame_gives_the_heading_and_all_keys(run, folder: Path) -> None:
     outcome = run("see", *pair(folder), f"--gravity={gravity(folder)}", "--json")
-    assert outcome.code == 0
-    assert outcome.err == ""
+    assert (outcome.code, outcome.err) == (0, "")
     seen = outcome.values
     assert set(seen) >= KEYS
-    assert seen["accepted"] is True
-    assert seen["reason"] is None
+    assert (seen["accepted"], seen["reason"]) == (True, None)
     # Three of the declared deviations, and depth rounded to millimetres costs next to nothing.
     assert abs(seen["heading_deg"] - HEADING_DEG) < 3.0 * seen["sigma_deg"] < 1.0
     assert np.linalg.norm(seen["edge_direction"]) == pytest.approx(1.0)
-    assert seen["edge_direction"][0] > 0.0
-    assert seen["edges"] >= 2
     u0, v0, u1, v1 = seen["box_px"]
     assert 0 <= u0 < u1 < 320
     assert 0 <= v0 < v1 < 240
     # 1 cm on a rise of 0.16 m and a run of 0.30 m: levels are medians of noisy blocks.
     assert seen["stair"]["rise_m"] == pytest.approx(0.30 * np.tan(28.0 * DEG), abs=0.01)
     assert seen["stair"]["run_m"] == pytest.approx(0.30, abs=0.01)
-    assert seen["stair"]["slope_deg"] == pytest.approx(28.0, abs=2.0)
-    assert seen["stair"]["distance_m"] > 0.0
-    assert seen["ms"] > 0.0
 
 
 def test_the_yaw_of_the_mount_is_taken_from_the_calibration(run, folder: Path) -> None:
@@ -99,55 +92,44 @@ def test_the_yaw_of_the_mount_is_taken_from_the_calibration(run, folder: Path) -
 @pytest.mark.parametrize("with_gravity", [True, False])
 def test_without_a_mount_the_heading_is_said_to_be_the_cameras_own(run, folder: Path, with_gravity: bool) -> None:
     known = run("see", *pair(folder), "--json").values
-    assert known["mount_known"] is True
-    assert known["warning"] is None
+    assert (known["mount_known"], known["warning"]) == (True, None)
     (folder / "camera.toml").write_text(CAMERA.replace("mount_pitch_deg = 40.0\n", ""))
     declared = [f"--gravity={gravity(folder)}"] if with_gravity else []
     seen = run("see", *pair(folder), *declared, "--json").values
     assert seen["mount_known"] is False
-    assert "treadline mount" in seen["warning"]
+    assert "give mount_pitch_deg" in seen["warning"]
     # tan 12° · cos 40° is that of 9.2° (docs/frames.md): half a degree separates them.
     assert seen["heading_deg"] == pytest.approx(np.arctan(np.tan(HEADING_DEG * DEG) * np.cos(40.0 * DEG)) / DEG, abs=0.5)
     # The frame was taken on the flight: there the nosings' plane stands in for the mount, and gravity does not.
     assert seen["heading_on_flight_deg"] == pytest.approx(HEADING_DEG, abs=0.5)
     assert abs(seen["heading_on_level_deg"] - HEADING_DEG) > 1.5
-    said = run("see", folder).out
-    assert "on the flight" in said
-    assert said.count("warning: ") == 1
 
 
 def test_the_papers_method_answers_or_says_why_not(run, folder: Path) -> None:
-    outcome = run("see", *pair(folder), "--method", "paper", "--json")
-    seen = outcome.values
-    assert set(seen) >= KEYS
-    assert outcome.code == (0 if seen["accepted"] else 1)
-    assert (seen["heading_deg"] is None) == bool(seen["reason"])
-    assert seen["square_deg"] == 90.0
-    assert run("see", *pair(folder), "--json").values["square_deg"] == 0.0
-    said = run("see", *pair(folder), "--method", "paper").out
-    assert ("heading by Eq. (2), in which 90° is square to the stair, " in said) == seen["accepted"]
+    for rule in ("median", "otsu", "rosin", "mad"):
+        outcome = run("see", *pair(folder), "--method", "paper", "--threshold", rule, "--json")
+        seen = outcome.values
+        assert outcome.code == (0 if seen["accepted"] else 1)
+        assert (seen["heading_deg"] is None) == bool(seen["reason"])
+        assert seen["square_deg"] == 90.0
 
 
 def test_a_mount_that_may_be_in_radians_is_asked_about(run, folder: Path) -> None:
     (folder / "camera.toml").write_text(CAMERA.replace("mount_pitch_deg = 40.0", "mount_pitch_deg = 0.44"))
-    outcome = run("see", *pair(folder), f"--gravity={gravity(folder)}")
-    assert outcome.code == 0
-    assert "warning: mount_pitch_deg is 0.44°; did you mean 25.2, for 0.44 rad?" in outcome.out
+    assert "warning: mount_pitch_deg is 0.44°; did you mean 25.2, for 0.44 rad?" in run("see", *pair(folder)).out
 
 
 def test_a_wall_is_an_answer_of_no(run, folder: Path) -> None:
     write_depth(folder / "a_depth.png", np.full((240, 320), 1500.0))
     outcome = run("see", *pair(folder), f"--gravity={gravity(folder)}", "--json")
-    assert outcome.code == 1
     seen = outcome.values
-    assert seen["accepted"] is False
-    assert seen["reason"]
+    assert (outcome.code, seen["accepted"], bool(seen["reason"])) == (1, False, True)
     assert seen["heading_deg"] is seen["sigma_deg"] is seen["edge_direction"] is seen["stair"] is None
 
 
 def test_the_six_stages_and_what_was_seen_are_written(run, folder: Path) -> None:
     out = folder / "stages"
-    assert run("see", *pair(folder), "--out", out).code == 0
+    assert run("see", *pair(folder), "--threshold", "otsu", "--out", out).code == 0
     pictures = sorted(path.name for path in out.iterdir())
     assert pictures.pop().endswith("-seen.png")
     assert len(pictures) == 6
@@ -164,14 +146,7 @@ def test_a_folder_is_read_frame_by_frame(run, folder: Path) -> None:
     frames = outcome.values["frames"]
     assert [item["name"] for item in frames] == ["a", "b"]
     for item in frames:
-        assert set(item) >= KEYS
         assert item["heading_deg"] == pytest.approx(HEADING_DEG, abs=0.5)
-
-
-def test_the_thresholds_of_algorithm_1_are_a_choice(run, folder: Path) -> None:
-    for rule in ("median", "otsu", "rosin", "mad"):
-        assert run("see", *pair(folder), "--method", "paper", "--threshold", rule, "--json").values["ms"] > 0.0
-    assert run("see", *pair(folder), "--threshold", "otsu", "--out", folder / "stages").code == 0
 
 
 @pytest.mark.parametrize("name", ["a_rgb.png", "a_depth.png"])
@@ -203,20 +178,15 @@ def test_an_unreadable_pair_is_reported_and_the_others_are_evaluated(run, folder
 
 def test_depth_alone_suffices(run, folder: Path) -> None:
     both = run("see", *pair(folder), "--json").values
-    alone = run("see", folder / "a_depth.png", "--camera", folder / "camera.toml", "--json").values
+    out = folder / "pictures"
+    alone = run("see", folder / "a_depth.png", "--camera", folder / "camera.toml", "--out", out, "--json").values
+    assert [path.name for path in out.iterdir()] == ["a_depth-seen.png"]
     # The robust method reads depth alone, so the results are equal.
     assert {**alone, "ms": 0, "name": ""} == {**both, "ms": 0, "name": ""}
     (folder / "a_rgb.png").unlink()
     (item,) = run("see", folder, "--json").values["frames"]
     # The folder's gravity.csv replaces the gravity estimated from the treads.
     assert item["heading_deg"] == pytest.approx(both["heading_deg"], abs=0.01)
-
-
-def test_depth_alone_has_a_picture_on_the_depth_image(run, folder: Path) -> None:
-    out = folder / "pictures"
-    assert run("see", folder / "a_depth.png", "--camera", folder / "camera.toml", "--out", out).code == 0
-    assert [path.name for path in out.iterdir()] == ["a_depth-seen.png"]
-    assert cv2.imread(str(out / "a_depth-seen.png")).std() > 20.0
 
 
 def test_the_size_of_a_kinect_2_is_a_stated_guess(run, folder: Path) -> None:
@@ -252,11 +222,7 @@ def test_a_picture_that_announces_too_many_pixels_is_refused(run, folder: Path) 
 def test_pictures_on_a_full_disk_are_one_line_that_names_the_file(run, no_room_for, folder: Path, picture: str) -> None:
     """Test: no room is left for a picture. Expected result: one line, exit code 2, and no part of it."""
     no_room_for(picture.removesuffix(".png"))
-    outcome = run("see", *pair(folder), "--out", folder / "out")
-    assert (outcome.code, outcome.err) == (
-        2,
-        f"treadline: {folder / 'out' / picture}: cannot be written: No space left on device\n",
-    )
+    assert_refused(run("see", *pair(folder), "--out", folder / "out"), str(folder / "out" / picture), "No space left on device")
     assert picture not in {path.name.removesuffix(".part") for path in (folder / "out").iterdir()}
 
 

@@ -2,8 +2,7 @@
 
 import tomllib
 
-from treadline.core.setting_docs import meanings, tables_of
-from treadline.scenario.scenario import Scenario, Stair, StepOverride, read_scenario, scenario_of, shipped_scenarios
+from treadline.scenario.scenario import Scenario, StepOverride, read_scenario, scenario_of, shipped_scenarios
 
 
 def test_what_is_listed_is_a_scenario_of_defaults(run, tmp_path) -> None:
@@ -36,9 +35,3 @@ def test_a_fault_as_listed_is_one(run, tmp_path) -> None:
     text = "\n".join(["[[fault]]", 'kind = "imu_lost"', *given])
     (fault,) = scenario_of(tomllib.loads(text), tmp_path / "s.toml", where="here").fault
     assert fault.for_s == 3.0
-
-
-def test_a_meaning_is_the_docstring_under_its_field() -> None:
-    assert meanings(Stair)["slope_deg"] == "Slope of the flight, in place of rise_m."
-    assert "width_m" not in meanings(Stair)
-    assert tables_of(Scenario)["[drive]"][0] == "Direction, speed and time limit of the run."

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from world import belts, imu, imu_at, stair_axes
+from world import belts, imu, imu_at
 
 from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera, StairAxes
@@ -31,7 +31,7 @@ class Drive:
             mount_roll_rad=NOMINAL.mount_roll_rad + roll_deg * DEG,
         )
         direction = self._rng.uniform(-math.pi, math.pi)
-        # Half a degree of constant IMU tilt, as MountConfig's prior.
+        # Half a degree of constant IMU tilt, the monitor's prior.
         tilt = rotation_x(0.5 * DEG * math.cos(direction)) @ rotation_y(0.5 * DEG * math.sin(direction))
         self._imu = tilt if imu is None else imu
         self._rock = np.zeros(2)
@@ -68,7 +68,15 @@ class Drive:
 
 
 def axes_of(t_s: float, R_CS: np.ndarray) -> StairAxes:
-    return stair_axes(t_s, R_CS, SLOPE_RAD, (0.1 * DEG, 0.1 * DEG, 0.2 * DEG))
+    return StairAxes(
+        t_s=t_s,
+        edge_C=-R_CS[:, 1],
+        down_C=R_CS @ np.array([-math.sin(SLOPE_RAD), 0.0, -math.cos(SLOPE_RAD)]),
+        normal_C=R_CS[:, 2],
+        edge_sigma_rad=0.1 * DEG,
+        down_sigma_rad=0.1 * DEG,
+        normal_sigma_rad=0.2 * DEG,
+    )
 
 
 @pytest.mark.parametrize("seed", range(12))

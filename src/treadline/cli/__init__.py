@@ -42,13 +42,18 @@ app = App(
 VERBS = {
     "The paper": ("reproduce", "report"),
     "Simulation": ("demo", "check", "climb", "view", "seat", "sweep", "model"),
-    "Identification and control": ("excite", "identify", "compare", "tune", "export"),
-    "Perception": ("see", "frames", "mount"),
+    "Identification and control": ("excite", "identify", "tune", "export"),
+    "Perception": ("see", "frames"),
     "Logs and ROS": ("replay", "record", "nodes", "node"),
     "Real chairs": ("drive",),
     "Installation": ("doctor", "compile"),
 }
 """Verbs by the heading under which ``--help`` lists them."""
+LEFT = {
+    "compare": "compare is identify MODEL... --on LOG since 0.4",
+    "mount": "mount left with 0.4: set mount_yaw_deg in the camera file; pitch and roll are corrected while driving",
+}
+"""Successors of verbs that left."""
 MODULES = {"model": "export", "record": "node", "report": "reproduce"}
 """Module of a verb that shares the module of another verb."""
 FUNCTIONS = {"compile": "compile_"}
@@ -105,6 +110,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(tokens: list[str]) -> int:
+    verb = next((token for token in tokens if not token.startswith("-")), "")
+    if verb in LEFT:
+        return _fail(LEFT[verb], 2, debug=False)
     try:
         code = app.meta(tokens, exit_on_error=False, print_error=False, result_action="return_value")
         if sys.stdout is not None:

@@ -23,6 +23,8 @@ Set = Annotated[
     ),
 ]
 """The option ``--set`` of a verb that reads a scenario."""
+LEAST = {"--seed": 0, "--workers": 1}
+"""Least values of whole numbers."""
 _WHOLE = re.compile(r"[+-]?[0-9]+")
 
 
@@ -40,7 +42,7 @@ def set_values(changes: Iterable[str] | None) -> dict[str, object]:
 
 
 def check_whole_numbers(_app: App, _verb: tuple[str, ...], arguments: ArgumentCollection) -> None:
-    """Refuse what stands where a whole number belongs and is none, before it is rounded, and a seed below zero.
+    """Refuse what stands where a whole number belongs and is none, before it is rounded, and one below its least value.
 
     Raises:
         SettingsError: If there is one.
@@ -51,8 +53,9 @@ def check_whole_numbers(_app: App, _verb: tuple[str, ...], arguments: ArgumentCo
         for token in argument.tokens:
             if _WHOLE.fullmatch(token.value) is None:
                 raise SettingsError(f"{argument.name}: '{token.value}' is not a whole number; write for example {argument.name} 3")
-            if argument.name == "--seed" and int(token.value) < 0:
-                raise SettingsError(f"--seed is {token.value}; at least 0")
+            least = LEAST.get(argument.name)
+            if least is not None and int(token.value) < least:
+                raise SettingsError(f"{argument.name} is {token.value}; at least {least}")
 
 
 def check_times(**options: float | None) -> None:

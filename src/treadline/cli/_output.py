@@ -197,25 +197,8 @@ class Share(Progress):
                 self.done(f"{100 * (self._done + 1) // PARTS} %")
 
 
-class Status:
-    """One line on a terminal that names the present activity; nothing elsewhere."""
+def status(first: str) -> Any:
+    """Return a line on a terminal that names the present activity, until ``update`` replaces it; nothing elsewhere."""
+    from rich.console import Console
 
-    def __init__(self, first: str) -> None:
-        self._status = None
-        if sys.stderr.isatty():
-            from rich.console import Console
-
-            self._status = Console(stderr=True).status(first)
-            self._status.start()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._status is not None:
-            self._status.stop()
-
-    def update(self, activity: str) -> None:
-        """Replace the activity."""
-        if self._status is not None:
-            self._status.update(activity)
+    return Console(stderr=True, force_terminal=sys.stderr.isatty()).status(first)

@@ -6,51 +6,55 @@ import socket
 import sys
 import threading
 import webbrowser
+from collections.abc import Callable
+from contextlib import ExitStack
 from typing import Any
 
 from treadline.cli._output import Answer, say
 
 
-def open_server(verb: str, host: str, port: int | None) -> tuple[Any, dict[str, Any]]:
-    """Return a server and its handlers by path.
+def serve(
+    verb: str,
+    open_session: Callable[[], Any],
+    *,
+    host: str,
+    port: int | None,
+    no_browser: bool,
+    seconds: float | None,
+    offer: Any = None,
+) -> Answer:
+    """Serve the page until Ctrl-C or the end of the given time.
 
     Args:
         verb: Command that serves.
+        open_session: Function that returns what is shown, called once the port is open.
         port: Port that the user gave; None takes the first free one from the default port on.
+        offer: Live run that the page offers in place of the session, if any.
 
     Raises:
         SettingsError: If the port is out of range or in use.
     """
     from treadline.core.errors import SettingsError
+    from treadline.view.app import Stage
     from treadline.view.server import PORTS, GuardedServer
 
     if port is not None and not 0 <= port <= 65535:
         raise SettingsError(f"--port {port}: give a port from 1 to 65535, or 0 for any free one")
     handlers: dict[str, Any] = {}
-    server = GuardedServer(host, port, handlers)
-    if port is None and server.rules.port != PORTS[0]:
-        say(f"{verb}: port {PORTS[0]} is in use; takes {server.rules.port}")
-    return server, handlers
-
-
-def serve(
-    verb: str, server: Any, handlers: dict[str, Any], session: Any, *, no_browser: bool, seconds: float | None, offer: Any = None
-) -> Answer:
-    """Serve the page until Ctrl-C or the end of the given time.
-
-    Args:
-        offer: Live run that the page offers in place of the session, if any.
-    """
-    from treadline.view.app import Stage
-
     ended = threading.Event()
-    stage = Stage(server, session, offer)
-    handlers["page"] = stage.page
-    url = server.rules.url
-    try:
+    with ExitStack() as ends:
+        server = GuardedServer(host, port, handlers)
+        ends.callback(server.close)
+        if port is None and server.rules.port != PORTS[0]:
+            say(f"{verb}: port {PORTS[0]} is in use; takes {server.rules.port}")
+        stage = Stage(server, open_session(), offer)
+        ends.callback(stage.close)
+        ends.callback(ended.set)
+        handlers["page"] = stage.page
+        url = server.rules.url
         say(f"{verb}: {url}")
-        say(_exposure(verb, server.rules.host, attended=session.attended))
-        for sentence in session.run.missing:
+        say(_exposure(verb, server.rules.host, attended=stage.session.attended))
+        for sentence in stage.session.run.missing:
             say(f"{verb}: {sentence}")
         if no_browser or not _open_browser(url):
             say(_how_to_open(verb, server.rules, asked=not no_browser))
@@ -64,9 +68,6 @@ def serve(
         updater.join(2.0)
         if stage.failure is not None:
             raise stage.failure
-    finally:
-        ended.set()
-        stage.close()
     run, error = stage.session.run, stage.session.feed.error
     return Answer(
         values={"url": url, "t_s": run.duration_s, "verdict": run.outcome, "scene_updates": stage.updates, "error": error},

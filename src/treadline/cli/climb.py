@@ -3,16 +3,12 @@
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
 
 from treadline import api
 from treadline.cli._arguments import Force, PlantName, Set, choice, claim, set_values
 from treadline.cli._output import Answer, SimulatedTime
 from treadline.cli.compile import report_compiling
 from treadline.core.errors import SettingsError
-
-if TYPE_CHECKING:
-    from treadline.run.resolve import Opener
 
 
 def climb(
@@ -52,6 +48,7 @@ def climb(
         log_images: Keep every frame in the log (about 1.7 MB per second at 320×240).
     """
     from treadline.io.runs import SUCCEEDED
+    from treadline.plant.gazebo import open_gazebo
 
     claim(out, force=force)
     if picture is not None:
@@ -66,7 +63,7 @@ def climb(
             set=set_values(changes),
             detector=detector,
             estimator=estimator,
-            plant=plant if picture is None else _filmed(Path(images)),
+            plant=plant if picture is None else partial(open_gazebo, film=Path(images)),
             out=out,
             log_images=log_images,
             on_progress=progress.at,
@@ -105,13 +102,6 @@ def _require_film(plant: PlantName, picture: Path) -> None:
     if plant != "gazebo":
         raise SettingsError("--picture is drawn by Gazebo: add --plant gazebo; a run in MuJoCo is played by treadline report RUN")
     choice("suffix of --picture", picture.suffix, (".webp", ".gif"))
-
-
-def _filmed(images: Path) -> "Opener":
-    """Return what opens a plant in Gazebo that keeps the images of its run in a folder."""
-    from treadline.plant.gazebo import open_gazebo
-
-    return partial(open_gazebo, film=images)
 
 
 def _write_film(images: Path, run: Path, picture: Path) -> None:

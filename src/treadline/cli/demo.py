@@ -1,7 +1,7 @@
 """``treadline demo``: a recorded climb in the browser at once, and the same climb live once its kernels are compiled."""
 
 from treadline.cli._output import Answer
-from treadline.cli._serving import open_server, serve
+from treadline.cli._serving import serve
 
 
 def demo(*, host: str = "127.0.0.1", port: int | None = None, no_browser: bool = False, seconds: float | None = None) -> Answer:
@@ -22,8 +22,4 @@ def demo(*, host: str = "127.0.0.1", port: int | None = None, no_browser: bool =
     """
     from treadline.view.demonstration import LiveOffer, open_demonstration
 
-    server, handlers = open_server("demo", host, port)
-    try:
-        return serve("demo", server, handlers, open_demonstration(), no_browser=no_browser, seconds=seconds, offer=LiveOffer())
-    finally:
-        server.close()
+    return serve("demo", open_demonstration, host=host, port=port, no_browser=no_browser, seconds=seconds, offer=LiveOffer())

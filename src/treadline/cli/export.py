@@ -4,6 +4,7 @@
 ``treadline model``: chair and stair as MJCF, URDF or SDF.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
 
@@ -41,12 +42,17 @@ def export(
         speed: Climb speed in m/s: an input of every step in C, a setting in JSON.
     """
     if to == "layouts":
-        return _layouts(source, out, force=force)
+        from treadline.scenario.shipped_files import DATA
+
+        if source is not None:
+            raise SettingsError(f"export --to layouts takes no source, and {source} is given; a layout shows any run's log")
+        claim(out, force=force)
+        layouts = {path.name: path.read_text(encoding="utf-8") for path in (DATA / "layouts").iterdir()}
+        return _written(layouts, out, "open a run's log.mcap with them")
     if source is None:
         raise SettingsError(f"export --to {to} needs a controller file: treadline export SOURCE --to {to} --out {out}")
     from treadline.control import ControllerConfig
     from treadline.control.c_export import exported
-    from treadline.core.files import write_whole
     from treadline.core.models import ControllerDesign
     from treadline.scenario.chair import read_chair
 
@@ -62,30 +68,18 @@ def export(
         reconstruct=reconstruct,
         period_s=design.period_s,
     )
-    files = exported(to, design, config)
-    for name, text in files.items():
-        write_whole(out / name, text)
-    return Answer(
-        values={"path": str(out), "files": sorted(files), "vehicle": design.vehicle, "period_s": design.period_s},
-        summary=[f"{', '.join(sorted(files))} written to {out}; call it every {design.period_s:g} s"],
-    )
+    of_design = {"vehicle": design.vehicle, "period_s": design.period_s}
+    return _written(exported(to, design, config), out, f"call it every {design.period_s:g} s", **of_design)
 
 
-def _layouts(source: Path | None, out: Path, *, force: bool) -> Answer:
-    """Write the layouts for the viewers of logs."""
+def _written(files: Mapping[str, str], out: Path, use: str, **values: object) -> Answer:
+    """Write files into a folder; the summary ends with their use."""
     from treadline.core.files import write_whole
-    from treadline.scenario.shipped_files import DATA
 
-    if source is not None:
-        raise SettingsError(f"export --to layouts takes no source, and {source} is given; a layout shows any run's log")
-    claim(out, force=force)
-    files = {path.name: path.read_text(encoding="utf-8") for path in sorted((DATA / "layouts").iterdir())}
     for name, text in files.items():
         write_whole(out / name, text)
-    return Answer(
-        values={"path": str(out), "files": sorted(files)},
-        summary=[f"{', '.join(sorted(files))} written to {out}; open a run's log.mcap with them"],
-    )
+    summary = [f"{', '.join(sorted(files))} written to {out}; {use}"]
+    return Answer(values={"path": str(out), "files": sorted(files), **values}, summary=summary)
 
 
 def model(

@@ -1,7 +1,7 @@
-"""``treadline identify``: from anybody's logs to a linear model, a report and a page of plots."""
+"""``treadline identify``: from anybody's logs to a linear model, a report and a page of plots; models compared on a log."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,12 +12,20 @@ from treadline.cli._output import Answer
 from treadline.core.errors import SettingsError, TooFewSamples
 
 if TYPE_CHECKING:
-    from treadline.core.models import InputOutputRecord
+    from treadline.core.model_scores import Comparison
+    from treadline.core.models import InputOutputRecord, LinearModel
     from treadline.identification import Gram, IdentificationOptions, IdentificationReport, Identified
 
 STREAMED_BYTES = 256 * 1024**2
 """Size from which a CSV or Parquet file is read in chunks: some four million rows of five columns."""
 STREAMED = (".csv", ".tsv", ".txt", ".dat", ".parquet", ".feather")
+COMPARED = ("inputs", "outputs", "resample", "allow_gaps", "on", "page")
+"""Options of a comparison; the others are of a fit."""
+NOT_COMPARED = "is of a fit; --on compares models that were fitted"
+SCORES = (
+    "fit_percent", "fit_prefix_s", "forecast_percent", "forecast_horizon_s", "one_step_vaf_percent", "samples", "whiteness_p",
+    "crosscorrelation_p",
+)  # fmt: skip
 
 
 @Parameter(name="*")
@@ -26,10 +34,12 @@ class IdentifyOptions:
     """Options of ``treadline identify``: one object from the command line to the identification.
 
     Attributes:
-        inputs: Input columns; of bags as topic.field, of arrays as name[column].
-        outputs: Output columns, likewise.
+        on: Log to compare models on, best one that was not fitted: fit, prediction one step ahead, tests of the residuals.
+        inputs: Input columns; of bags as topic.field, of arrays as name[column]. Default: left_m_s,right_m_s; with --on, those of
+            the model.
+        outputs: Output columns, likewise. Default: heading_rad,yaw_rate_rad_s; with --on, those of the model.
         period: Sampling period in seconds. Default: from the time column.
-        resample: Resample an irregular time axis to the period (inputs held, outputs interpolated).
+        resample: Resample an irregular time axis to the period (inputs held, outputs interpolated); with --on, to the model's.
         allow_gaps: Accept up to 20 % of rows with NaN (an empty cell), or missing where the others keep the period's grid.
         order: Number of states. Default: chosen from the data.
         lags: Observer lags p. Default: chosen from the data.
@@ -46,12 +56,13 @@ class IdentifyOptions:
         forgetting: Factor on the weight of earlier data per new sample, for example 0.999; 1 forgets nothing.
         stream: Read CSV or Parquet in chunks, in bounded memory. Default: above 256 MB.
         gram: Write the Gram matrix of all data to this file, for --update.
-        page: Page of plots to write. Default: next to the model.
+        page: Page of plots to write. Default: next to the model. With --on, a figure: .svg, .png or .pdf. Default: none.
         no_page: Write no page.
     """
 
-    inputs: str = "left_m_s,right_m_s"
-    outputs: str = "heading_rad,yaw_rate_rad_s"
+    on: Path | None = None
+    inputs: str | None = None
+    outputs: str | None = None
     period: float | None = None
     resample: bool = False
     allow_gaps: bool = False
@@ -74,12 +85,12 @@ class IdentifyOptions:
     @property
     def input_names(self) -> tuple[str, ...]:
         """Input columns as a list."""
-        return words("--inputs", self.inputs)
+        return words("--inputs", "left_m_s,right_m_s" if self.inputs is None else self.inputs)
 
     @property
     def output_names(self) -> tuple[str, ...]:
         """Output columns as a list."""
-        return words("--outputs", self.outputs)
+        return words("--outputs", "heading_rad,yaw_rate_rad_s" if self.outputs is None else self.outputs)
 
     @property
     def dead_time(self) -> list[int] | int | None:
@@ -110,21 +121,29 @@ class IdentifyOptions:
 
 
 DEFAULTS = IdentifyOptions()
+OUT = Path("model.json")
 
 
-def identify(
-    logs: list[Path], /, *, options: IdentifyOptions = DEFAULTS, out: Path = Path("model.json"), force: Force = False
-) -> Answer:
-    """Fit x[k+1] = Ax[k] + Bu[k], y[k] = Cx[k] + Du[k] to recorded runs.
+def identify(logs: list[Path], /, *, options: IdentifyOptions = DEFAULTS, out: Path = OUT, force: Force = False) -> Answer:
+    """Fit x[k+1] = Ax[k] + Bu[k], y[k] = Cx[k] + Du[k] to recorded runs; with --on, compare models on a log.
+
+    A free run of a compared model starts from the state that the first tenth of the log determines, and is scored after it. For an
+    unstable model a forecast of ten samples stands in its place.
 
     Examples:
         treadline identify run.csv --inputs left_m_s,right_m_s --outputs yaw_rate_rad_s --validate 0.5
         treadline identify drive.mcap --inputs /cmd.data[0],/cmd.data[1] --outputs /imu.angular_velocity.z --period 0.05
+        treadline identify old.json new.json --on other-day.csv --page fits.svg
 
     Args:
-        logs: CSV, NPZ, MAT, Parquet, MCAP or ROS bag files, or run folders; several are separate experiments.
+        logs: CSV, NPZ, MAT, Parquet, MCAP or ROS bag files, or run folders; several are separate experiments. With --on, model
+            files that treadline identify wrote.
         out: Model file to write, .json or .mat. Default: model.json.
     """
+    if options.on is not None:
+        if out != OUT:
+            raise SettingsError(f"--out {NOT_COMPARED}")
+        return _compared(logs, options, options.on, force=force)
     _check(logs, options)
     claim(out, force=force, kind="file")
     try:
@@ -140,6 +159,8 @@ def _check(logs: Sequence[Path], asked: IdentifyOptions) -> None:
 
     if not logs:
         raise SettingsError("identify needs at least one log: a file or a run folder")
+    if models := [path for path in logs if path.suffix.lower() == ".json"]:
+        raise SettingsError(f"{models[0]}: a model, not a log; to compare models on a log, name the log by --on LOG")
     for option, value, allowed in (("--method", asked.method, METHODS), ("--solver", asked.solver, SOLVERS)):
         if value is not None:
             choice(option, value, allowed)
@@ -164,7 +185,7 @@ def _in_chunks(logs: Sequence[Path], asked: IdentifyOptions) -> bool:
 
 
 def _whole(logs: Sequence[Path], asked: IdentifyOptions) -> "Identified":
-    from treadline.cli._output import Status
+    from treadline.cli._output import status
     from treadline.core.models import InputOutputRecord
     from treadline.identification import Gram
     from treadline.identification import identify as fit
@@ -175,13 +196,13 @@ def _whole(logs: Sequence[Path], asked: IdentifyOptions) -> "Identified":
             path, asked.input_names, asked.output_names, period_s=asked.period, resample=asked.resample, allow_gaps=asked.allow_gaps
         )
 
-    with Status("reading") as status:
+    with status("reading") as shown:
         records = [read(path) for path in logs]
         judged = asked.validate if asked.validate_on is None else read(asked.validate_on)
-        status.update("identifying")
+        shown.update("identifying")
         prior = None if asked.update is None else Gram.load(asked.update)
-        found = fit(records, asked.options(validation=judged, prior=prior), on_progress=status.update)
-        status.update("judging")
+        found = fit(records, asked.options(validation=judged, prior=prior), on_progress=shown.update)
+        shown.update("judging")
         found.report  # noqa: B018 - computed here, where a person sees what takes time
     return found
 
@@ -191,9 +212,8 @@ def _streamed(logs: Sequence[Path], asked: IdentifyOptions) -> "Identified":
     from treadline.identification import identify_chunks
     from treadline.io.records import read_chunks
 
-    for name in ("validate", "validate_on", "update", "delays", "resample", "stable", "forgetting"):
-        if getattr(asked, name) != getattr(DEFAULTS, name):
-            raise SettingsError(f"--{name.replace('_', '-')} needs the whole record; give --no-stream")
+    whole = ("validate", "validate_on", "update", "delays", "resample", "stable", "forgetting")
+    _reject(asked, whole, "needs the whole record; give --no-stream")
     readers = [
         read_chunks(log, asked.input_names, asked.output_names, period_s=asked.period, allow_gaps=asked.allow_gaps) for log in logs
     ]
@@ -207,6 +227,12 @@ def _streamed(logs: Sequence[Path], asked: IdentifyOptions) -> "Identified":
             *(share.of(reader) for reader in readers),
             options=asked.options(validation=None, prior=None),
         )
+
+
+def _reject(asked: IdentifyOptions, names: Iterable[str], why: str) -> None:
+    for name in names:
+        if getattr(asked, name) != getattr(DEFAULTS, name):
+            raise SettingsError(f"--{name.replace('_', '-')} {why}")
 
 
 def _written(found: "Identified", logs: Sequence[Path], asked: IdentifyOptions, out: Path) -> dict[str, str]:
@@ -264,11 +290,11 @@ def _counted(found: "Identified") -> str:
 
 
 def _write_page(found: "Identified", path: Path, logs: Sequence[Path]) -> None:
-    from treadline.cli._output import Status
+    from treadline.cli._output import status
     from treadline.identification.stabilisation import stabilisation_of_svd
     from treadline.report.identification_page import write_identification_page
 
-    with Status("drawing"):
+    with status("drawing"):
         diagram = stabilisation_of_svd(found.svd, found.model.dt_s)
         write_identification_page(
             path,
@@ -284,3 +310,68 @@ def _write_page(found: "Identified", path: Path, logs: Sequence[Path]) -> None:
 
 def _titled(logs: Sequence[Path]) -> str:
     return ", ".join(path.name for path in logs[:3]) + (f" and {len(logs) - 3} more" if len(logs) > 3 else "")
+
+
+def _compared(models: Sequence[Path], asked: IdentifyOptions, log: Path, *, force: bool) -> Answer:
+    """Compare models on a log that best none of them knows."""
+    from treadline import api
+
+    _reject(asked, (item.name for item in fields(asked) if item.name not in COMPARED), NOT_COMPARED)
+    if asked.page is not None:
+        claim(asked.page, force=force, kind="file", option="--page")
+    found: dict[str, Comparison] = {}
+    for path in models:
+        model = api.load_model(path)
+        found[str(path)] = model.compare(_record_of(model, path, asked, log))
+    written = {} if asked.page is None else {"plot": str(asked.page)}
+    if asked.page is not None:
+        from treadline.report.model_plots import write_comparisons
+
+        write_comparisons(found, asked.page)
+    values = [{"model": name, **{score: getattr(item, score) for score in SCORES}} for name, item in found.items()]
+    return Answer(
+        values={"log": str(log), "models": values, **written},
+        summary=[
+            *_table(found),
+            *(f"{name}: {item.conditions}" for name, item in found.items()),
+            *(f"written: {path}" for path in written.values()),
+        ],
+    )
+
+
+def _record_of(model: "LinearModel", path: Path, asked: IdentifyOptions, log: Path) -> "InputOutputRecord":
+    """Return the record in a log, by default of the channels that the model names."""
+    from treadline.io.records import read_record
+
+    inputs = model.input_names if asked.inputs is None else asked.input_names
+    outputs = model.output_names if asked.outputs is None else asked.output_names
+    if not (inputs and outputs):
+        raise SettingsError(f"{path}: the model does not name its channels; give --inputs and --outputs")
+    period_s = model.dt_s if asked.resample else None
+    record = read_record(log, inputs, outputs, period_s=period_s, resample=asked.resample, allow_gaps=asked.allow_gaps)
+    if abs(record.dt_s - model.dt_s) > 1e-6 * model.dt_s:
+        raise SettingsError(
+            f"{log}: the period is {record.dt_s:g} s, that of {path} {model.dt_s:g} s; --resample brings the log to the model's"
+        )
+    return record
+
+
+def _table(found: "dict[str, Comparison]") -> list[str]:
+    """Return the lines of a table, a line for each model and output."""
+    from treadline.core.printing import p_text, percent_text
+
+    head = ("model", "output", "fit", "one step ahead", "white residuals", "independent of inputs")
+    rows = [
+        (
+            name,
+            output,
+            percent_text(percent),
+            percent_text(item.one_step_vaf_percent[output]),
+            p_text(item.whiteness_p),
+            p_text(item.crosscorrelation_p),
+        )
+        for name, item in found.items()
+        for output, percent in item.percent.items()
+    ]
+    widths = [max(len(row[k]) for row in (head, *rows)) for k in range(len(head))]
+    return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in (head, *rows)]

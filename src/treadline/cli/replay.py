@@ -38,7 +38,7 @@ def replay(
     Args:
         log: Run folder, an .mcap, .bag or .db3 file, or the folder of a bag.
         out: Run folder to write: manifest.json, log.mcap, series.csv, result.json, run-controller.json.
-        camera: Calibration and mount in place of the log's, as treadline mount writes them; --set takes precedence.
+        camera: Calibration and mount in place of the log's: a camera file; --set takes precedence.
         changes: Setting to change, as key=value; may be repeated. --keys lists the keys.
         topics: Topics by role, where their types are ambiguous: depth=/a,color=/b,info=/c,imu=/d,accel=/e,headings=/f.
         controller: Controller file, module:Class, file.py:Class, or entry point name. Default: the controller of the recorded run.

@@ -40,8 +40,6 @@ def reproduce(
     from treadline.io.runs import remove
     from treadline.report.comparison import PUBLISHED_SEEDS, answer
 
-    if workers is not None and workers < 1:
-        raise SettingsError(f"--workers is {workers}; at least 1")
     choice("--plant", plant, ("mujoco", "gazebo"))
     plan = QUICK if quick else WHOLE
     if seeds is not None and not 1 <= seeds <= PUBLISHED_SEEDS:

@@ -28,13 +28,9 @@ def seat(scenario: str, /, *, out: Path, seed: int = 0, force: Force = False) ->
     return Answer(
         values=levelled | {"run": str(out)},
         summary=[
-            f"from {levelled['start_deg']:.1f}° {settled}; then {_signed(levelled['steady_error_deg'])}° off on average, "
-            f"{levelled['max_error_deg']:.2f}° at most",
+            f"from {levelled['start_deg']:.1f}° {settled}; then {round(levelled['steady_error_deg'], 2) + 0.0:+.2f}° off on "
+            f"average, {levelled['max_error_deg']:.2f}° at most",
             f"run folder: {out} (treadline report {out} draws it)",
         ],
         code=1 if settle is None else 0,
     )
-
-
-def _signed(value: float) -> str:
-    return f"{round(value, 2) + 0.0:+.2f}"  # no minus before zero

@@ -63,8 +63,6 @@ def sweep(
     from treadline.run.resolve import resolved_blocks
     from treadline.run.run_scores import Scores
 
-    if workers is not None and workers < 1:
-        raise SettingsError(f"--workers is {workers}; at least 1")
     choice("--score", score, [field.name for field in fields(Scores) if field.name != "phases"])
     if resume and force:
         raise SettingsError("give --resume or --force, not both: one continues the sweep in the folder, the other replaces it")

@@ -1,10 +1,11 @@
 """``treadline view``: a run in the browser, live or recorded."""
 
+from functools import partial
 from pathlib import Path
 
 from treadline.cli._arguments import Force, Set, claim, set_values
 from treadline.cli._output import Answer, say
-from treadline.cli._serving import open_server, serve
+from treadline.cli._serving import serve
 from treadline.cli.compile import report_compiling
 
 
@@ -59,14 +60,10 @@ def view(
             raise SettingsError(f"{option}: {target} is a recording, which nothing can change; name a scenario to run it live")
     report_compiling()
     blocks = {"controller": controller, "detector": detector, "estimator": estimator}
-    server, handlers = open_server("view", host, port)
-    try:
-        session = (
-            open_recorded(target) if recorded else open_live(target, set_values(changes), seed=seed, attended=control, **blocks)
-        )
-        return serve("view", server, handlers, session, no_browser=no_browser, seconds=seconds)
-    finally:
-        server.close()
+    open_session = partial(open_recorded, target)
+    if not recorded:
+        open_session = partial(open_live, target, set_values(changes), seed=seed, attended=control, **blocks)
+    return serve("view", open_session, host=host, port=port, no_browser=no_browser, seconds=seconds)
 
 
 def _exported(target: str, export: Path, *, force: bool) -> Answer:

@@ -1,6 +1,5 @@
-"""Heading estimation from vision and gyro, sensor fault detection, and camera mount calibration."""
+"""Heading estimation from vision and gyro, sensor fault detection, and camera mount monitoring."""
 
 from treadline.estimation._mount_monitor import MountMonitor
-from treadline.estimation.camera_mount import MountCalibrator, MountConfig, MountEstimate, calibrated
 from treadline.estimation.heading_filter import FilterConfig, HeadingFilter
 from treadline.estimation.offset import OffsetEstimator

@@ -6,8 +6,8 @@
 * treads against gravity while the IMU reads horizontal: mount pitch and roll on the floor, less accurate by the IMU's tilt;
 * treads against gravity elsewhere: a remainder that the mount does not explain is an IMU tilt or a mount yaw, reported only.
 
-The directions of the stair are fixed in C, so a correction already applied does not change the estimate. ``MountCalibrator``
-estimates the yaw as well, from a recording; its solution takes too long for the loop.
+The directions of the stair are fixed in C, so a correction already applied does not change the estimate. The yaw of the mount is
+not estimated: at a constant heading it cannot be distinguished from a constant IMU tilt.
 
 Pitch and roll are means over blocks of time, with a 95 % interval from the variance between blocks.
 """
@@ -22,13 +22,17 @@ from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera, StairAxes
 from treadline.core.rotations import Vector3, rotation_of
 from treadline.core.signals import Event, ImuSample, TrackReading
-from treadline.estimation.camera_mount import STANDING_M_S, MountConfig
 
 NORMAL_95 = 1.96
 """Half width of a 95 % interval [sigma]."""
 REPORTED_RAD = 1.0 * DEG
 """Mount error above which the error is reported and corrected [rad]: the largest that is accepted silently. A roll of 1° turns the
 heading by sin(40°), 0.64°, with the shipped mount."""
+STANDING_M_S = 0.01
+"""Belt speed below which the chair stands, and shows the same nosings in each frame [m/s]."""
+RIDING_BLOCK_S = 3.0
+"""Block length of the comparison on the flight [s]; errors of frames more than two blocks apart are independent: at 0.2 m/s the
+chair has passed three nosings."""
 LEAST_BLOCKS = 4
 """Least number of block means of an estimate: with fewer, the variance of Student's distribution is infinite."""
 
@@ -144,6 +148,26 @@ TREADS_SIGMA_RAD = 0.25 * DEG
 """Largest sigma of the treads' direction [rad]: half the sigma of gravity in the detector, so that treads have three quarters of
 the weight in the direction. With 0.18 and 0.35° events and headings of these climbs are the same."""
 
+TILT_SIGMA_RAD = 0.35 * DEG
+"""Prior sigma of the IMU's constant tilt about each axis [rad]: half a degree in all."""
+TREADS_SLOPE_SIGMA_RAD = 0.1 * DEG
+"""Sigma of the treads' constant slope [rad]: treads are built with a slope for drainage."""
+GRAVITY_SIGMA_RAD = math.hypot(TILT_SIGMA_RAD, TREADS_SLOPE_SIGMA_RAD)
+"""Sigma of the constant angle between treads and gravity [rad]; not reduced by averaging."""
+BELTS_SIGMA_RAD = 0.06 * DEG
+"""Sigma of the constant angle between z_B and the nosing plane's normal [rad]: soft rubber under an uneven load, and distortion of
+planes in the depth image; not reduced by averaging."""
+MOUNT_GATE_RAD = 15.0 * DEG
+"""Largest angle between a measured direction and its direction with the nominal mount [rad]; beyond it the IMU's axes are wrong, or
+the plane is not the stair's."""
+LEAST_SLOPE_RAD = 10.0 * DEG
+"""Least slope of a flight, for the comparison on the flight [rad]."""
+SLOPE_GATE_RAD = 3.0 * DEG
+"""Largest difference between the slope by vision and by the IMU [rad]; beyond it the chair is not on the visible flight. Half a
+degree of tilt and a nosing 20 mm too high stay within the gate."""
+ROCKING_RAD_S = 5.0 * DEG
+"""Pitch and roll rate above which the chair is mounting, cresting or tipping between nosings [rad/s]."""
+
 
 def mount_angles(seen_C: Vector3, known_B: tuple[float, float, float], yaw_rad: float) -> tuple[float, float] | None:
     """Return mount pitch and roll that rotate a direction seen in C into its known direction in B; None if none do."""
@@ -169,8 +193,7 @@ class MountMonitor:
 
     def _restart(self, camera: PinholeCamera) -> None:
         self._camera, self._corrected = camera, camera
-        self._config = config = MountConfig(camera=camera)
-        self._riding = BlockMeans(config.block_s)
+        self._riding = BlockMeans(RIDING_BLOCK_S)
         self._on_floor = BlockMeans(FRAME_BLOCK_S)
         self._elsewhere = BlockMeans(FRAME_BLOCK_S)
         self._far_off = BlockMeans(FRAME_BLOCK_S)
@@ -183,7 +206,6 @@ class MountMonitor:
         """Largest possible roll of the mount by single frames [rad]; zero while none exceeds ``REPORTED_RAD`` at 95 %."""
         # The normal of a level surface is seen under the mount's pitch; an angle across it counts as more roll.
         self._roll_per_angle = 1.0 / max(abs(math.cos(camera.mount_pitch_rad)), math.sin(REPORTED_RAD))
-        self._gravity_sigma_rad = math.hypot(config.tilt_sigma_rad, config.treads_sigma_rad)
 
     def update(self, reading: TrackReading) -> None:
         """Record whether the chair moves: a standing chair shows the same nosings in each frame."""
@@ -225,7 +247,7 @@ class MountMonitor:
         if not (math.isfinite(axes.t_s) and math.isfinite(x + y + z)):
             return True, []
         off_rad = math.acos(min(max(-float(axes.down_C @ (camera.R_BC.T @ np.array(up_B))), -1.0), 1.0))
-        if off_rad > self._config.mount_gate_rad:
+        if off_rad > MOUNT_GATE_RAD:
             return False, self._report_axes(axes.t_s, off_rad)
         by_gravity = mount_angles(-axes.down_C, up_B, camera.mount_yaw_rad)
         if by_gravity is None:
@@ -234,66 +256,69 @@ class MountMonitor:
         self._bound_roll(found[1], axes.down_sigma_rad)
         if not axes.down_sigma_rad <= TREADS_SIGMA_RAD:
             return True, []
-        complete = self._add(axes, found, up_B, np.array(sample.angular_velocity_rad_s))
-        return True, self._report(axes.t_s) if complete else []
+        complete = self._add(axes, camera, found, up_B, np.array(sample.angular_velocity_rad_s))
+        return True, self._report(axes.t_s, camera) if complete else []
 
     def _bound_roll(self, roll_rad: float, down_sigma_rad: float) -> None:
         """Update the possible roll of the mount from one frame; the mean of several frames clears it."""
-        half_rad = NORMAL_95 * self._roll_per_angle * math.hypot(self._gravity_sigma_rad, down_sigma_rad)
+        half_rad = NORMAL_95 * self._roll_per_angle * math.hypot(GRAVITY_SIGMA_RAD, down_sigma_rad)
         if abs(roll_rad) - half_rad > REPORTED_RAD:
             # A sigma that varied between frames would look like independent errors to the heading filter.
             self._possible_roll_rad = max(self._possible_roll_rad, abs(roll_rad) + half_rad)
 
-    def _add(self, axes: StairAxes, by_gravity: tuple[float, float], up_B: tuple[float, float, float], rate_B: Vector3) -> bool:
+    def _add(
+        self,
+        axes: StairAxes,
+        camera: PinholeCamera,
+        by_gravity: tuple[float, float],
+        up_B: tuple[float, float, float],
+        rate_B: Vector3,
+    ) -> bool:
         """Add a frame to the comparisons that it belongs to; return whether a block is complete."""
-        config, camera = self._config, self._config.camera
         tilt_rad = math.acos(min(max(up_B[2], -1.0), 1.0))
         means = self._on_floor if tilt_rad <= LEVEL_RAD else self._elsewhere
         complete = means.add(axes.t_s, *by_gravity)
         seen_rad = math.acos(min(max(-float(axes.normal_C @ axes.down_C), -1.0), 1.0))
         if (
             self._standing
-            or seen_rad < config.least_slope_rad
-            or abs(seen_rad - tilt_rad) > config.slope_gate_rad
-            or math.hypot(rate_B[0], rate_B[1]) > config.rocking_rad_s
+            or seen_rad < LEAST_SLOPE_RAD
+            or abs(seen_rad - tilt_rad) > SLOPE_GATE_RAD
+            or math.hypot(rate_B[0], rate_B[1]) > ROCKING_RAD_S
         ):
             return complete
         pair = mount_angles(axes.normal_C, (0.0, 0.0, 1.0), camera.mount_yaw_rad)
         if pair is None:
             return complete
         pitch_rad, roll_rad = pair[0] - camera.mount_pitch_rad, pair[1] - camera.mount_roll_rad
-        if math.hypot(pitch_rad, roll_rad) > config.mount_gate_rad:
+        if math.hypot(pitch_rad, roll_rad) > MOUNT_GATE_RAD:
             return complete
         return self._riding.add(axes.t_s, pitch_rad, roll_rad) or complete
 
     def _report_axes(self, t_s: float, off_rad: float) -> list[Event]:
         self._far_off.add(t_s, off_rad, 0.0)
         found = self._far_off.estimate(0.0, 0.0)
-        if self._axes_reported or found is None or found.pitch_rad - found.pitch_half_rad <= self._config.mount_gate_rad:
+        if self._axes_reported or found is None or found.pitch_rad - found.pitch_half_rad <= MOUNT_GATE_RAD:
             return []
         self._axes_reported = True
         cause = f"treads are {found.pitch_rad / DEG:.0f}° ± {found.pitch_half_rad / DEG:.0f}° off gravity: IMU axes?"
         return [Event(t_s=t_s, name="imu_axes", cause=cause)]
 
-    def _report(self, t_s: float) -> list[Event]:
-        config = self._config
+    def _report(self, t_s: float, camera: PinholeCamera) -> list[Event]:
         events = []
-        gravity_rad = self._gravity_sigma_rad
-        belts_rad = config.belts_sigma_rad
         found = self._mount = more_accurate(
-            self._riding.estimate(belts_rad, self._roll_per_angle * belts_rad),
-            self._on_floor.estimate(gravity_rad, self._roll_per_angle * gravity_rad),
+            self._riding.estimate(BELTS_SIGMA_RAD, self._roll_per_angle * BELTS_SIGMA_RAD),
+            self._on_floor.estimate(GRAVITY_SIGMA_RAD, self._roll_per_angle * GRAVITY_SIGMA_RAD),
         )
         if found is not None and (found.exceeds if self._declared is None else found.replaces(self._declared)):
             self._declared = found
             self._corrected = replace(
-                config.camera,
-                mount_pitch_rad=config.camera.mount_pitch_rad + found.pitch_rad,
-                mount_roll_rad=config.camera.mount_roll_rad + found.roll_rad,
+                camera,
+                mount_pitch_rad=camera.mount_pitch_rad + found.pitch_rad,
+                mount_roll_rad=camera.mount_roll_rad + found.roll_rad,
             )
             cause = f"camera mount is {found} (95 %) off its calibration; headings are corrected"
             events.append(Event(t_s=t_s, name="camera_mount", cause=cause))
-        rest = self._elsewhere.estimate(gravity_rad, self._roll_per_angle * gravity_rad)
+        rest = self._elsewhere.estimate(GRAVITY_SIGMA_RAD, self._roll_per_angle * GRAVITY_SIGMA_RAD)
         if rest is None:
             return events
         suspects = "IMU or camera mount tilted?"

@@ -16,7 +16,6 @@ import numpy as np
 from treadline.core.angles import DEG, wrap
 from treadline.core.rotations import rotation_of
 from treadline.core.signals import HeadingEstimate, HeadingMeasurement, ImuSample, TrackReading
-from treadline.estimation.camera_mount import PAIRED_S
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,6 +28,8 @@ class AberrationRule:
 OFFSET_SIGMA_RAD = 0.5 * DEG
 """Declared standard deviation [rad]; the method provides none."""
 COAST_S = 0.5
+PAIRED_S = 0.05
+"""Largest time between a frame and its IMU sample [s]."""
 MEMORY_S = 1.0
 """Largest age of a late frame [s]."""
 

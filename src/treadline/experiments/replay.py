@@ -45,7 +45,7 @@ from treadline.run.scene_log import SceneLog, WatchedDetector
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair, Scenario
 
-__all__ = ["camera_items", "key_table", "kind_of", "replayed_run", "source_of"]
+__all__ = ["camera_items", "key_table", "replayed_run", "source_of"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -213,7 +213,7 @@ class _Watched:
         sight = getattr(seen, "sight", "of another detector")
         reason = getattr(sight, "reason", None if seen.measurement is not None or sight is None else "no heading")
         if reason is not None:
-            self.refusals[kind_of(reason)] += 1
+            self.refusals[_kind_of(reason)] += 1
         return seen
 
     @property
@@ -266,6 +266,6 @@ def source_of(log: Path) -> Source:
     )
 
 
-def kind_of(reason: str) -> str:
+def _kind_of(reason: str) -> str:
     """Return a rejection reason without its numbers, so that equal reasons count as one; a number in brackets is an equation's."""
     return re.sub(r"(?<!\()[+-]?\d+(\.\d+)?", "#", reason)

@@ -120,7 +120,7 @@ def _recorded(robot: Robot, out: Path, config: GuardConfig, images: int) -> Iter
 
 
 def record(file: RobotFile, out: Path, seconds: float) -> dict[str, Any]:
-    """Record all sensors without motion, with every frame, for ``treadline mount`` and ``treadline replay``.
+    """Record all sensors without motion, with every frame, for ``treadline replay``.
 
     Raises:
         TreadlineError: If a device does not open, or is lost.

@@ -79,7 +79,7 @@ class CameraTable(Settings):
     source: str
     """Name or class: realsense, orbbec, oak, or module:Class of an own camera."""
     calibration: str
-    """Camera file with intrinsics and the mount on the chair, as treadline mount writes it."""
+    """Camera file with intrinsics and the mount on the chair."""
 
 
 class MissionTable(Settings):

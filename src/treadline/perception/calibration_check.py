@@ -95,7 +95,8 @@ class CalibrationCheck:
         roll, _, is_rolled = _median(self._roll_rad, 0.0, SURFACES_SIGMA)
         return (is_pitched or is_rolled) * [
             f"treads lie {pitch / DEG:+.1f}° about the edges and {roll / DEG:+.1f}° along them off gravity, "
-            f"± {1.96 * sigma / DEG:.1f}° over {len(self._pitch_rad)} frames: does the mount fit? learn it with treadline mount"
+            f"± {1.96 * sigma / DEG:.1f}° over {len(self._pitch_rad)} frames: correct mount_pitch_deg "
+            "and mount_roll_deg in the camera file"
         ]
 
     def _depth_scale(self) -> list[str]:

@@ -23,8 +23,8 @@ from treadline.perception.paper.printed_heading import heading_about
 NO_MOUNT = (
     "the calibration names no mount, so the camera is taken to look level and straight ahead: heading_deg is about the camera's "
     "own axis; the chair's heading is heading_on_flight_deg where it stands on the flight, heading_on_level_deg on floor or "
-    "landing, if the camera is not turned sideways; learn the mount with treadline mount, or give mount_pitch_deg (0 if it does "
-    "look level)"
+    "landing, if the camera is not turned sideways; give mount_pitch_deg (0 if it does look level), mount_roll_deg and "
+    "mount_yaw_deg in the camera file"
 )
 """Message for a missing mount calibration. Gravity cannot replace the mount: on a flight, z of the chair is not vertical."""
 

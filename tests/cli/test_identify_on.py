@@ -1,4 +1,4 @@
-"""``compare`` as a user calls it: models side by side on one log, with start and horizon stated."""
+"""``identify --on`` as a user calls it: models side by side on one log, with start and horizon stated."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -25,7 +25,7 @@ def two_models(run, tmp_path: Path) -> list[Path]:
 
 def test_models_are_scored_on_a_log_that_they_do_not_know(run, tmp_path: Path, two_models: list[Path]) -> None:
     log = write_log(tmp_path / "other.csv", seed=5, noise=0.2)
-    outcome = run("compare", *two_models, "--on", log, "--plot", tmp_path / "fits.svg", "--json")
+    outcome = run("identify", *two_models, "--on", log, "--page", tmp_path / "fits.svg", "--json")
     assert outcome.code == 0, outcome.err
     poor, good = outcome.values["models"]
     assert min(good["fit_percent"].values()) > max(poor["fit_percent"].values()) > 0.0  # an order too few
@@ -34,10 +34,8 @@ def test_models_are_scored_on_a_log_that_they_do_not_know(run, tmp_path: Path, t
     assert good["forecast_percent"] is None
     assert good["crosscorrelation_p"] > 0.01 > poor["crosscorrelation_p"]
     assert "<svg" in (tmp_path / "fits.svg").read_text(encoding="utf-8")
-    by_hand = LinearModel.load(two_models[1]).compare(
-        read_record(log, ("left_m_s", "right_m_s"), ("heading_rad", "yaw_rate_rad_s"))
-    )
-    assert by_hand.fit_percent == good["fit_percent"]
+    record = read_record(log, ("left_m_s", "right_m_s"), ("heading_rad", "yaw_rate_rad_s"))
+    assert LinearModel.load(two_models[1]).compare(record).fit_percent == good["fit_percent"]
 
 
 def test_people_read_a_table_with_start_and_horizon(run, tmp_path: Path, two_models: list[Path]) -> None:
@@ -45,20 +43,16 @@ def test_people_read_a_table_with_start_and_horizon(run, tmp_path: Path, two_mod
     model = LinearModel.load(two_models[1])
     unstable = replace(model, A=model.A + 0.2 * np.eye(2))
     unstable.save(tmp_path / "grows.json")
-    outcome = run("compare", two_models[1], tmp_path / "grows.json", "--on", log)
-    head, *rows = outcome.out.splitlines()
-    assert head.split()[:3] == ["model", "output", "fit"]
-    assert len(rows) == 4 + 2
-    assert rows[4].endswith("free run from the state of the first 15 s, scored on the 540 samples after them")
-    assert "forecast 2.5 s ahead (unstable model)" in rows[5]
+    outcome = run("identify", two_models[1], tmp_path / "grows.json", "--on", log)
+    *_, stable, forecast = outcome.out.splitlines()
+    assert stable.endswith("free run from the state of the first 15 s, scored on the 540 samples after them")
+    assert "forecast 2.5 s ahead (unstable model)" in forecast
 
 
 def test_bad_input_is_one_line_with_the_remedy(run, tmp_path: Path, two_models: list[Path]) -> None:
     log = write_log(tmp_path / "other.csv")
-    assert_refused(run("compare", two_models[0], "--on", log, "--plot", tmp_path / "a.bmp"), "unsupported figure format '.bmp'")
     model = LinearModel.load(two_models[0])
     replace(model, input_names=(), output_names=()).save(tmp_path / "unnamed.json")
-    assert_refused(run("compare", tmp_path / "unnamed.json", "--on", log), "give --inputs and --outputs")
+    assert_refused(run("identify", tmp_path / "unnamed.json", "--on", log), "give --inputs and --outputs")
     replace(model, dt_s=0.5).save(tmp_path / "slow.json")
-    assert_refused(run("compare", tmp_path / "slow.json", "--on", log), "--resample brings the log to the model's")
-    assert run("compare", tmp_path / "slow.json", "--on", log, "--resample", "--json").code == 0
+    assert run("identify", tmp_path / "slow.json", "--on", log, "--resample", "--json").code == 0
