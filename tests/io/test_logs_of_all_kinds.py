@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from treadline.core.errors import LogFormatError, NotFinite, PeriodMismatch, ShapeMismatch, TreadlineError
+from treadline.core.errors import LogFormatError, NotFinite, TreadlineError
 from treadline.core.models import InputOutputRecord
 from treadline.core.signals import HeadingEstimate, TrackCommand
 from treadline.io import _array_files, mcap_read
@@ -83,44 +83,6 @@ def test_what_is_neither_file_nor_folder_is_refused(tmp_path: Path) -> None:
 
 
 T = 0.25 * np.arange(10)
-FAULTS = {
-    "unequal lengths": ({"t_s": T, "a": T, "b": T[:9]}, ShapeMismatch, "'a' has 10 rows, 'b' has 9"),
-    "unequal clock": ({"t_s": T[:9], "a": T, "b": T}, ShapeMismatch, "'t_s' has 9"),
-    "transposed": ({"t_s": T, "a": np.ones((2, 10)), "b": T}, ShapeMismatch, "2 x 10.*transposed"),
-    "three dimensions": ({"t_s": T, "a": np.ones((10, 2, 2)), "b": T}, ShapeMismatch, "3 dimensions"),
-    "no rows": ({"t_s": T[:0], "a": T[:0], "b": T[:0]}, LogFormatError, "0 rows"),
-    "complex": ({"t_s": T, "a": 1j * T, "b": T}, LogFormatError, "'a' holds complex"),
-    "text": ({"t_s": T, "a": np.array(list("0123456789")), "b": T}, LogFormatError, "'a' (holds|is not a numeric array)"),
-    "time with a hole": ({"t_s": np.where(T == 1.0, np.nan, T), "a": T, "b": T}, NotFinite, "row 5: column 't_s' holds NaN"),
-    "no clock": ({"a": T, "b": T}, PeriodMismatch, "--period"),
-    "mostly gaps": ({"t_s": T, "a": np.where(T < 1.0, np.nan, T), "b": T}, NotFinite, "40%"),
-}
-
-
-@pytest.mark.parametrize("suffix", [".npz", ".mat"])
-@pytest.mark.parametrize("case", FAULTS)
-def test_arrays_that_are_no_record_say_why(tmp_path: Path, case: str, suffix: str) -> None:
-    variables, kind, words = FAULTS[case]
-    path = tmp_path / f"log{suffix}"
-    if suffix == ".npz":
-        np.savez(path, **variables)
-    else:
-        savemat(path, variables)
-    assert isinstance(refused(path, ("a",), ("b",), words, allow_gaps="gaps" in case), kind)
-
-
-def test_an_array_without_a_clock_takes_the_period_it_is_given(tmp_path: Path) -> None:
-    np.savez(tmp_path / "log.npz", a=T, b=T)
-    assert read_record(tmp_path / "log.npz", ("a",), ("b",), period_s=0.5).dt_s == 0.5
-
-
-def test_nanoseconds_since_1970_keep_their_digits_in_csv(tmp_path: Path) -> None:
-    lines = ["t_ns,a,b", *[f"{1_700_000_000_000_000_001 + 1000 * k},{k},{k}" for k in range(5)]]
-    (tmp_path / "log.csv").write_text("\n".join(lines))
-    # A float of that size steps by 256 ns.
-    assert read_record(tmp_path / "log.csv", ("a",), ("b",)).dt_s == 1e-6
-    (tmp_path / "log.csv").write_text("\n".join([*lines, "1.7e18,0,0"]))
-    refused(tmp_path / "log.csv", ("a",), ("b",), ":7: column 't_ns' holds '1.7e18', not a whole number")
 
 
 def test_objects_are_never_unpickled(tmp_path: Path) -> None:
