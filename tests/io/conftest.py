@@ -37,12 +37,6 @@ def in_csv(path: Path, record: InputOutputRecord) -> Written:
     return Written(path, record.input_names, record.output_names)
 
 
-def in_tsv(path: Path, record: InputOutputRecord) -> Written:
-    write_record(path, record, 0.5)
-    path.write_text(path.read_text().replace(",", "\t"))
-    return Written(path, record.input_names, record.output_names)
-
-
 def in_a_spreadsheet(path: Path, record: InputOutputRecord) -> Written:
     """Write as spreadsheets do: byte order mark, semicolons, quotes, returns."""
     write_record(path, record, 0.5)
@@ -90,8 +84,6 @@ def in_parquet(path: Path, record: InputOutputRecord) -> Written:
 BARE = {"compression": CompressionType.NONE, "enable_crcs": False, "enable_data_crcs": False}
 KINDS: dict[str, tuple[str, Callable[[Path, InputOutputRecord], Written]]] = {
     "csv": ("log.csv", in_csv),
-    "txt": ("log.txt", in_csv),
-    "tsv": ("log.tsv", in_tsv),
     "spreadsheet": ("log.CSV", in_a_spreadsheet),
     "npz": ("log.npz", in_npz),
     "npz since 1970": ("log.npz", in_npz_since_1970),

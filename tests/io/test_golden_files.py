@@ -6,6 +6,7 @@ from the table.
 
 import gzip
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,7 @@ from bags import bag, one_topic
 from scipy.io import savemat
 
 from treadline.core import errors
-from treadline.core.models import InputOutputRecord
-from treadline.io.records import read_record
+from treadline.io.records import ARROW, DELIMITED, read_chunks, read_record
 
 TABLE = Path(__file__).with_name("golden.toml")
 ROWS, PERIOD_S = 60, 0.05
@@ -48,15 +48,14 @@ ARRAYS: dict[str, np.ndarray] = {
 }
 """Arrays that the table names."""
 HOW = ("period_s", "resample", "allow_gaps")
+CHUNKED = (*DELIMITED, *ARROW)
 
 
-def cases(section: str) -> dict[str, dict[str, Any]]:
-    """Return the files of a section by name, one for each of their suffixes."""
-    table = tomllib.loads(TABLE.read_text(encoding="utf-8"))[section]
-    return {name + suffix: case for name, case in table.items() for suffix in case.get("suffixes", ("",))}
-
-
-READ, REFUSED = cases("read"), cases("refused")
+READ, REFUSED = (
+    {name + suffix: case for name, case in section.items() for suffix in case.get("suffixes", ("",))}
+    for section in tomllib.loads(TABLE.read_text(encoding="utf-8")).values()
+)
+"""Files by name, one for each of their suffixes."""
 
 
 def arrays_of(table: dict[str, Any]) -> dict[str, Any]:
@@ -106,9 +105,9 @@ def made(path: Path, case: dict[str, Any]) -> Path:
     return path
 
 
-def read(path: Path, case: dict[str, Any]) -> InputOutputRecord:
+def read(path: Path, case: dict[str, Any], reader: Callable[..., Any] = read_record, **options: Any) -> Any:
     inputs, outputs = case.get("inputs", ("left", "right")), case.get("outputs", ("yaw",))
-    return read_record(path, tuple(inputs), tuple(outputs), **{name: case[name] for name in HOW if name in case})
+    return reader(path, tuple(inputs), tuple(outputs), **{name: case[name] for name in HOW if name in case}, **options)
 
 
 @pytest.mark.parametrize("name", READ)
@@ -124,6 +123,16 @@ def test_a_file_is_read_exactly(tmp_path: Path, name: str) -> None:
     np.testing.assert_allclose(np.column_stack([record.u, record.y]), values, rtol=0.0, atol=1e-15 if "channels" in case else 0.0)
     assert record.dt_s == case.get("period", PERIOD_S)
     assert record.u.shape == (len(values), values.shape[1] - 1)
+
+
+@pytest.mark.parametrize("name", [name for name, case in READ.items() if Path(name).suffix in CHUNKED and "resample" not in case])
+def test_chunks_of_a_file_are_its_record(tmp_path: Path, name: str) -> None:
+    case = READ[name]
+    path = made(tmp_path / name, case)
+    whole, parts = read(path, case), list(read(path, case, read_chunks, rows=7))
+    assert {part.dt_s for part in parts} == {whole.dt_s}
+    assert np.concatenate([part.u for part in parts]).tobytes() == whole.u.tobytes()
+    assert np.concatenate([part.y for part in parts]).tobytes() == whole.y.tobytes()
 
 
 @pytest.mark.parametrize("name", REFUSED)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from treadline.core.errors import LogFormatError, PeriodMismatch
-from treadline.io.records import clock_warning, read_chunks, read_record
+from treadline.io.records import clock_warning, read_record
 
 INPUTS = ("left_m_s", "right_m_s")
 OUTPUTS = ("heading_rad",)
@@ -44,22 +44,3 @@ def test_an_endless_cell_is_refused(tmp_path: Path) -> None:
 def test_a_period_that_is_no_time_is_refused(tmp_path: Path, period_s: float) -> None:
     with pytest.raises(PeriodMismatch, match="--period"):
         read_record(written(tmp_path / "record.csv", [HEADER, *ROWS]), INPUTS, OUTPUTS, period_s=period_s)
-
-
-def iso(k: int, suffix: str) -> str:
-    """Return the ISO 8601 time of row k of a record at 4 Hz, across midnight."""
-    minute, second = divmod(59 * 60 + 58 + 0.25 * k, 60.0)
-    day, clock = ("31", f"23:{minute:02.0f}") if minute < 60 else ("01", f"00:{minute - 60:02.0f}")
-    month = "01" if day == "31" else "02"
-    return f"2024-{month}-{day}T{clock}:{second:06.3f}{suffix}"
-
-
-@pytest.mark.parametrize("suffix", ["", "Z", "+02:00"])
-def test_an_iso_8601_time_column_is_a_clock_whole_or_in_chunks(tmp_path: Path, suffix: str) -> None:
-    rows = [f"{iso(k, suffix)},{row.split(',', 1)[1]}" for k, row in enumerate(ROWS)]
-    path = written(tmp_path / "record.csv", [HEADER.replace("t_s", "timestamp"), *rows])
-    plain = read_record(written(tmp_path / "plain.csv", [HEADER, *ROWS]), INPUTS, OUTPUTS)
-    for parts in ([read_record(path, INPUTS, OUTPUTS)], list(read_chunks(path, INPUTS, OUTPUTS, rows=4))):
-        # Microseconds are kept: 0.25 s is exact.
-        assert {part.dt_s for part in parts} == {0.25}
-        np.testing.assert_array_equal(np.concatenate([part.u for part in parts]), plain.u)

@@ -10,6 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from frame_files import write_calibration
 
 from treadline.cli import main
 from treadline.cli.see import StatusLine
@@ -125,15 +126,15 @@ def test_intrinsics_of_another_resolution_are_refused() -> None:
         list(LiveFrames(FakeCamera(replace(SMALL, width_px=16), images_at(stamps(1)))))
 
 
-def test_a_calibration_file_gives_the_mount_and_is_compared(calibration_file, tmp_path: Path) -> None:
-    own = read_camera(calibration_file(tmp_path / "a.toml", SMALL))
+def test_a_calibration_file_gives_the_mount_and_is_compared(tmp_path: Path) -> None:
+    own = read_camera(write_calibration(tmp_path / "a.toml", SMALL))
     for focal_px, warnings in ((10.0, []), (10.2, []), (10.5, ["fx = 10.0 px differs from the device's 10.5 px by 4.8 %"])):
         device = replace(SMALL, fx_px=focal_px, fy_px=focal_px)
         (named,), _, said, _ = played(images_at(stamps(1)), device, calibration=own)
         assert named.mount_known
         assert named.frame.camera == replace(device, mount_pitch_rad=own.camera.mount_pitch_rad)
         assert [text[len("the calibration's ") :].partition(";")[0] for text in said] == warnings
-    other = read_camera(calibration_file(tmp_path / "b.toml", replace(SMALL, width_px=33)))
+    other = read_camera(write_calibration(tmp_path / "b.toml", replace(SMALL, width_px=33)))
     with pytest.raises(ImageError, match="calibration is for 33×24, the camera gives 32×24"):
         list(LiveFrames(FakeCamera(SMALL, []), calibration=other))
 

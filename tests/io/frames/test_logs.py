@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from frame_files import add_cloud
+from frame_files import add_cloud, points_of_frame, write_calibration
 
 from treadline.cli import main
 from treadline.core.camera_images import NamedFrame, PinholeCamera, RgbdFrame
@@ -72,7 +72,7 @@ def direct(frame) -> float:
 
 @pytest.mark.parametrize("ending", ENDINGS)
 def test_depth_images_and_clouds_of_a_log_give_the_heading_of_their_frame(
-    walk: Walk, recording, frame, points, tmp_path: Path, ending: str
+    walk: Walk, recording, frame, tmp_path: Path, ending: str
 ) -> None:
     path = walk(frame, ros1=ending == ".bag").write(tmp_path / f"walk{ending}")
     found = list(read_frames(path))
@@ -81,8 +81,8 @@ def test_depth_images_and_clouds_of_a_log_give_the_heading_of_their_frame(
     # Depth rounded to a millimetre costs next to nothing.
     assert headings(found) == pytest.approx([direct(frame)] * COUNT, abs=0.05)
     log = recording(ros1=ending == ".bag")
-    add_cloud(log, "/camera/points", 0.0, points(frame), (320, 240))
-    known = points(frame)[np.isfinite(frame.depth_m).ravel()]
+    add_cloud(log, "/camera/points", 0.0, points_of_frame(frame), (320, 240))
+    known = points_of_frame(frame)[np.isfinite(frame.depth_m).ravel()]
     add_cloud(log, "/camera/points", 0.1, known, (len(known), 1))
     source = read_frames(log.write(tmp_path / f"clouds{ending}"))
     # The property of clouds: within 0.05° of the depth image.
@@ -90,9 +90,9 @@ def test_depth_images_and_clouds_of_a_log_give_the_heading_of_their_frame(
     assert list(source.warnings) == []
 
 
-def test_depth_images_are_preferred_to_clouds_and_one_of_several_can_be_named(walk: Walk, points, tmp_path: Path) -> None:
+def test_depth_images_are_preferred_to_clouds_and_one_of_several_can_be_named(walk: Walk, tmp_path: Path) -> None:
     log = walk(WALL)
-    add_cloud(log, "/points", 0.0, points(WALL), (32, 24))
+    add_cloud(log, "/points", 0.0, points_of_frame(WALL), (32, 24))
     path = log.write(tmp_path / "walk.mcap")
     assert FramesOfLog(path, FrameOptions()).topic == DEPTH
     assert FramesOfLog(path, FrameOptions(topic="/points")).is_cloud
@@ -101,12 +101,12 @@ def test_depth_images_are_preferred_to_clouds_and_one_of_several_can_be_named(wa
     assert len(list(read_frames(path, topic="/second/depth/image_rect"))) == COUNT
 
 
-def test_a_calibration_file_has_precedence_over_that_of_the_log(walk: Walk, calibration_file, tmp_path: Path) -> None:
+def test_a_calibration_file_has_precedence_over_that_of_the_log(walk: Walk, tmp_path: Path) -> None:
     path = walk(WALL).write(tmp_path / "walk.mcap")
-    (first, *_) = read_frames(path, camera=calibration_file(tmp_path / "right.toml", replace(WALL.camera, fx_px=31.0)))
+    (first, *_) = read_frames(path, camera=write_calibration(tmp_path / "right.toml", replace(WALL.camera, fx_px=31.0)))
     assert first.mount_known
     assert (first.frame.camera.fx_px, first.frame.camera.mount_pitch_rad) == (31.0, pytest.approx(np.deg2rad(40.0)))
-    small = calibration_file(tmp_path / "small.toml", replace(WALL.camera, width_px=16, height_px=16, cx_px=8.0, cy_px=8.0))
+    small = write_calibration(tmp_path / "small.toml", replace(WALL.camera, width_px=16, height_px=16, cx_px=8.0, cy_px=8.0))
     with pytest.raises(ImageError, match=r"an image of 32×24 at 0\.000 s, calibrated for 16×16"):
         list(read_frames(path, camera=small))
 
