@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import mkdtemp
 from typing import Any
 
 import numpy as np
@@ -153,4 +154,4 @@ def as_kind(kind: str, folder: Path, record: InputOutputRecord, recording: Any) 
 @pytest.fixture
 def written(tmp_path: Path, recording: Any) -> Write:
     """Write a record as a log of a kind."""
-    return lambda kind, record: as_kind(kind, tmp_path, record, recording)
+    return lambda kind, record: as_kind(kind, Path(mkdtemp(dir=tmp_path)), record, recording)
