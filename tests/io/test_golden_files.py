@@ -16,6 +16,7 @@ from bags import bag, one_topic
 from scipy.io import savemat
 
 from treadline.core import errors
+from treadline.io import _csv_files
 from treadline.io.records import ARROW, DELIMITED, read_chunks, read_record
 
 TABLE = Path(__file__).with_name("golden.toml")
@@ -48,7 +49,6 @@ ARRAYS: dict[str, np.ndarray] = {
 }
 """Arrays that the table names."""
 HOW = ("period_s", "resample", "allow_gaps")
-CHUNKED = (*DELIMITED, *ARROW)
 
 
 READ, REFUSED = (
@@ -125,14 +125,33 @@ def test_a_file_is_read_exactly(tmp_path: Path, name: str) -> None:
     assert record.u.shape == (len(values), values.shape[1] - 1)
 
 
-@pytest.mark.parametrize("name", [name for name, case in READ.items() if Path(name).suffix in CHUNKED and "resample" not in case])
-def test_chunks_of_a_file_are_its_record(tmp_path: Path, name: str) -> None:
+def chunked(section: dict[str, Any]) -> list[str]:
+    """Return the files that are read in chunks, of which none is resampled."""
+    return [name for name, case in section.items() if Path(name).suffix in (*DELIMITED, *ARROW) and "resample" not in case]
+
+
+@pytest.fixture(params=[2, 7, 1000])
+def in_chunks(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Callable[[Path, dict[str, Any]], Any]:
+    """Read in chunks of so many rows, and text in blocks of five lines."""
+    monkeypatch.setattr(_csv_files, "BLOCK_ROWS", 5)
+    return lambda path, case: list(read(path, case, read_chunks, rows=request.param))
+
+
+@pytest.mark.parametrize("name", chunked(READ))
+def test_chunks_of_a_file_are_its_record(tmp_path: Path, in_chunks, name: str) -> None:
     case = READ[name]
     path = made(tmp_path / name, case)
-    whole, parts = read(path, case), list(read(path, case, read_chunks, rows=7))
+    whole, parts = read(path, case), in_chunks(path, case)
     assert {part.dt_s for part in parts} == {whole.dt_s}
     assert np.concatenate([part.u for part in parts]).tobytes() == whole.u.tobytes()
     assert np.concatenate([part.y for part in parts]).tobytes() == whole.y.tobytes()
+
+
+@pytest.mark.parametrize("name", chunked(REFUSED))
+def test_a_fault_is_named_with_its_line_whichever_chunk_it_is_in(tmp_path: Path, in_chunks, name: str) -> None:
+    case = REFUSED[name]
+    with pytest.raises(getattr(errors, case.get("error", "TreadlineError")), match=case.get("in_chunks", case["says"])):
+        in_chunks(made(tmp_path / name, case), case)
 
 
 @pytest.mark.parametrize("name", REFUSED)

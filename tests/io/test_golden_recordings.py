@@ -1,9 +1,12 @@
-"""Golden recordings: what cannot be replayed or seen is refused in one line by the frames of a log and by its sensor readings.
+"""Golden recordings: what their sensor readings are, or how frames and sensor readings are refused in one line.
 
-``recordings.toml`` holds their messages and the refusals.
+``recordings.toml`` holds their messages and the answers.
 """
 
+import re
 import tomllib
+from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -12,23 +15,27 @@ import pytest
 from frame_files import add_cloud
 
 from treadline.core import errors
-from treadline.core.camera_images import PinholeCamera
+from treadline.core.camera_images import PinholeCamera, RgbdFrame
+from treadline.core.signals import ImuSample
 from treadline.io.frames import read_frames
 from treadline.io.sensor_log import SensorLog
 
-TABLE = tomllib.loads(Path(__file__).with_name("recordings.toml").read_text(encoding="utf-8"))
+READ, REFUSED = tomllib.loads(Path(__file__).with_name("recordings.toml").read_text(encoding="utf-8")).values()
 READERS = {
     "frames": lambda path, **options: list(read_frames(path, **options)),
     "sensors": lambda path, **options: list(SensorLog(path, **options).arrivals(lambda _: None)),
 }
-DTYPES = {"16UC1": (np.uint16, ()), "32FC1": (np.float32, ()), "rgb8": (np.uint8, (3,))}
+DTYPES = {"16UC1": (np.uint16, ()), "mono16": (np.uint16, ()), "32FC1": (np.float32, ()), "rgb8": (np.uint8, (3,))}
 
 
-def add(log: Any, role: str, topic: str, width: int = 0, height: int = 0, what: str = "", t_s: float = 0.0) -> None:
+def add(log: Any, role: str, topic: str, width: int = 0, height: int = 0, what: str = "1 0", *times: float) -> None:
     """Add a message of the table to a recording."""
+    t_s, *logged = times or (0.0,)
     match role:
         case "imu":
-            log.imu(topic, t_s, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 9.81))
+            w, rate = map(float, what.split())
+            options = {"logged_s": logged[0]} if logged else {}
+            log.imu(topic, t_s, (w, 0.0, 0.0, 0.0), (0.0, rate, 0.0), (0.0, 0.0, 9.81), **options)
         case "info":
             lens = {"fx_px": float(what), "fy_px": float(what), "cx_px": 15.5, "cy_px": 11.5}
             log.calibration(topic, t_s, PinholeCamera(width_px=width, height_px=height, **lens))
@@ -40,14 +47,40 @@ def add(log: Any, role: str, topic: str, width: int = 0, height: int = 0, what: 
             add_cloud(log, topic, t_s, np.ones((int(what), 3)), (width, height))
 
 
+@pytest.fixture
+def written(recording, tmp_path: Path) -> Callable[[dict[str, Any]], Path]:
+    """Write the recording of a case."""
+
+    def write(case: dict[str, Any]) -> Path:
+        log, messages = recording(), case["messages"]
+        for message in messages + messages[-1:] * (case.get("repeat", 1) - 1):
+            add(log, *message)
+        return log.write(tmp_path / "log.mcap")
+
+    return write
+
+
+@pytest.mark.parametrize("name", READ)
+def test_sensor_readings_of_a_recording_are_chosen_checked_and_counted(written, name: str) -> None:
+    case, events = READ[name], []
+    log = SensorLog(written(case), **case.get("options", {}))
+    signals = [signal for _, signal in log.arrivals(events.append)]
+    found = {
+        "topics": {role: topic for role, topic in asdict(log.topics).items() if topic is not None},
+        "imu_s": [signal.t_s for signal in signals if isinstance(signal, ImuSample)],
+        "frame_s": [signal.t_s for signal in signals if isinstance(signal, RgbdFrame)],
+        "dropped": dict(log.dropped),
+        "events": [" ".join([event.name, *re.findall(r"\([^)]*\)$", event.cause)]) for event in events],
+        "ended": log.ended or "",
+    }
+    assert {key: found[key] for key in case["gives"]} == case["gives"]
+
+
 @pytest.mark.parametrize(
-    ("name", "reader"), [(name, reader) for name, case in TABLE.items() for reader in READERS if reader in case]
+    ("name", "reader"), [(name, reader) for name, case in REFUSED.items() for reader in case if reader in READERS]
 )
-def test_a_recording_that_does_not_fit_is_refused_in_one_line(recording, tmp_path: Path, name: str, reader: str) -> None:
-    log, options = recording(), dict(TABLE[name][reader])
-    for message in TABLE[name]["messages"]:
-        add(log, *message)
-    path = log.write(tmp_path / "log.mcap")
+def test_a_recording_that_does_not_fit_is_refused_in_one_line(written, name: str, reader: str) -> None:
+    path, options = written(REFUSED[name]), dict(REFUSED[name][reader])
     with pytest.raises(getattr(errors, options.pop("error")), match=options.pop("says")) as caught:
         READERS[reader](path, **options)
     assert "\n" not in str(caught.value)

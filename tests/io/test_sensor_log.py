@@ -1,6 +1,6 @@
 """Recordings of any origin as sensors: topics by type, readings in time order, implausible readings dropped and reported."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import IO, Any
@@ -156,77 +156,6 @@ def test_topics_that_arrive_late_are_put_in_the_order_of_their_stamps(recording,
     assert (len(of(RgbdFrame, signals)), events) == (10, [])
 
 
-def sample(t_s: float, logged_s: float | None = None, turn: Any = LEVEL, rate: Any = STILL) -> Callable[[Any], None]:
-    """Return what adds a sample of the IMU to a log."""
-    return lambda log: log.imu(NAMES["imu"], t_s, turn, rate, WEIGHT, logged_s=logged_s)
-
-
-def image(role: str, pixels: np.ndarray, encoding: str, t_s: float = 0.0) -> Callable[[Any], None]:
-    """Return what adds an image to a log."""
-    return lambda log: log.image(NAMES[role], t_s, pixels, encoding)
-
-
-STAMPS = ((0.00, 0.00), (0.01, 0.01), (0.01, 0.02), (-0.30, 0.03), (0.04, 0.04))
-LATE = (("depth", DEPTH, "16UC1", 0.1), ("color", COLOUR, "rgb8", 0.2), ("depth", DEPTH, "16UC1", 0.2))
-DROPPED = {
-    "repeats and goes back": (
-        [sample(*stamps) for stamps in STAMPS],
-        {"/camera/imu: repeated stamp": 1, "/camera/imu: stamp goes back": 1},
-        ["(+0.000 s)", "(-0.310 s)"],
-        [0.0, 0.01, 0.04],
-    ),
-    "not finite": (
-        [sample(0.00), sample(0.02, turn=(np.nan, 0.0, 0.0, 0.0)), sample(0.03, rate=(0.0, np.inf, 0.0)), sample(0.04)],
-        {"/camera/imu: not finite": 2},
-        ["(at 0.020 s)", "(at 0.030 s)"],
-        [0.0, 0.04],
-    ),
-    # Events of a kind are few.
-    "often": ([sample(0.01)] * 101, {"/camera/imu: repeated stamp": 100}, ["(+0.000 s)"] * 20, [0.01]),
-    "depth without colour": (
-        [sample(0.0), *(image(role, *seen) for role, *seen in LATE)],
-        {"/camera/depth/image_raw: no colour image of its time": 1},
-        ["(at 0.100 s)"],
-        [0.0],
-    ),
-}
-"""Messages after a first frame, how many are dropped, the ends of the events about them, and the stamps of the samples left."""
-
-
-@pytest.mark.parametrize("case", DROPPED)
-def test_a_message_that_cannot_be_right_is_dropped_counted_and_reported(recording, tmp_path: Path, case: str) -> None:
-    messages, dropped, ends, stamps = DROPPED[case]
-    log = fill(recording(), seconds=0.01, leave=("imu",))
-    for add in messages:
-        add(log)
-    sensors, signals, events = played(log.write(tmp_path / "log.mcap"))
-    assert dict(sensors.dropped) == dropped
-    assert [(event.name, f"({event.cause.rpartition('(')[2]}") for event in events] == [("dropped", end) for end in ends]
-    assert [round(signal.t_s, 9) for signal in of(ImuSample, signals)] == stamps
-    assert [frame.t_s for frame in of(RgbdFrame, signals)] == ([0.0, 0.2] if "colour" in case else [0.0])
-    assert sensors.ended is None
-
-
-@pytest.mark.parametrize("leap_s", [-3.0, 3600.0])
-def test_where_the_clock_leaps_the_recording_ends(recording, tmp_path: Path, leap_s: float) -> None:
-    log = fill(recording(), seconds=2.0, leave=("imu",))
-    for tick in range(200):
-        sample(0.01 * tick + (leap_s if tick >= 100 else 0.0), 0.01 * tick)(log)
-    log.messages.sort(key=lambda message: message[1])
-    sensors, signals, events = played(log.write(tmp_path / "log.mcap"))
-    assert len(of(ImuSample, signals)) == 100
-    assert f"the clock leaps by {leap_s + 0.01:+.3f} s at 0.990 s" in str(sensors.ended)
-    assert [event.name for event in events] == ["ended"]
-
-
-def test_a_recording_that_pauses_for_minutes_ends_there(recording, tmp_path: Path) -> None:
-    log = fill(recording())
-    sample(500.0)(log)
-    sensors, signals, _ = played(log.write(tmp_path / "log.mcap"))
-    assert len(of(ImuSample, signals)) == 50
-    assert sensors.ended == "nothing is recorded from 0.5 to 500.0 s"
-
-
 def test_stamps_that_were_never_set_are_the_time_of_logging(recording, tmp_path: Path) -> None:
     log = recording()
     for tick in range(5):
@@ -239,36 +168,10 @@ def test_stamps_that_were_never_set_are_the_time_of_logging(recording, tmp_path:
     assert events == []
 
 
-def test_a_depth_topic_registered_to_colour_is_preferred(recording, tmp_path: Path) -> None:
-    log = fill(recording())
-    aligned = "/camera/aligned_depth_to_color/image_raw"
-    log.image(aligned, 0.0, DEPTH, "16UC1")
-    log.calibration("/camera/aligned_depth_to_color/camera_info", 0.0, CAMERA)
-    log.image("/camera/infra1/image_rect_raw", 0.0, DEPTH, "mono16")
-    topics = SensorLog(log.write(tmp_path / "log.mcap")).topics
-    assert topics.depth == aligned
-    assert topics.info == "/camera/aligned_depth_to_color/camera_info"
-    path = tmp_path / "log.mcap"
-    assert SensorLog(path, named={"depth": NAMES["depth"]}).topics.depth == NAMES["depth"]
-
-
-def test_colour_of_another_size_is_left_out(recording, tmp_path: Path) -> None:
-    log = fill(recording(), leave=("color",))
-    log.image(NAMES["color"], 0.0, np.zeros((8, 12, 3), np.uint8), "rgb8")
-    assert SensorLog(log.write(tmp_path / "log.mcap")).topics.color is None
-
-
 def test_given_intrinsics_stand_in_for_those_of_the_log(recording, tmp_path: Path) -> None:
     path = fill(recording(), leave=("info",)).write(tmp_path / "log.mcap")
     frames = of(RgbdFrame, played(path, calibrate=lambda _, size: CAMERA if size else None)[1])
     assert [frame.camera for frame in frames] == [CAMERA] * 5
-
-
-def test_one_of_several_imus_can_be_named(recording, tmp_path: Path) -> None:
-    log = fill(recording(), leave=("imu",))
-    for name in ("/left/gyro", "/right/gyro"):
-        log.imu(name, 0.0, LEVEL, STILL, WEIGHT)
-    assert SensorLog(log.write(tmp_path / "log.mcap"), named={"imu": "/right/gyro"}).topics.imu == "/right/gyro"
 
 
 def test_messages_that_are_not_ros_are_left_alone(recording, tmp_path: Path) -> None:
