@@ -174,7 +174,3 @@ def test_the_period_decides_the_unit_of_a_clock_that_names_none(tmp_path: Path, 
     times = unit * np.arange(ROWS) // 20 if unit > 1 else T
     np.savetxt(tmp_path / "log.csv", np.column_stack([times, VALUES]), "%.15g", ",", header="time,left,right,yaw", comments="")
     assert read(tmp_path / "log.csv", {"period_s": PERIOD_S}).dt_s == PERIOD_S
-
-
-def test_a_given_period_stands_in_for_a_clock_that_cannot_be_read(tmp_path: Path) -> None:
-    assert read(made(tmp_path / "day-first.csv", {}), {"period_s": 0.1}).dt_s == 0.1

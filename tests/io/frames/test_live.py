@@ -57,10 +57,6 @@ class FakeCamera:
         self.closed += 1
 
 
-def bare(camera: PinholeCamera) -> PinholeCamera:
-    return replace(camera, mount_pitch_rad=0.0, mount_m=(0.0, 0.0, 0.0))
-
-
 def images_at(times: Iterable[float], frame: RgbdFrame | None = None, **more: Any) -> list[CameraImages]:
     depth_m = np.full((HEIGHT, WIDTH), 1.5, np.float32) if frame is None else frame.depth_m
     return [CameraImages(t_s=t_s, depth_m=depth_m, **more) for t_s in times]
@@ -181,7 +177,7 @@ def plugged_in(monkeypatch: pytest.MonkeyPatch, frame) -> Callable[[Iterable[Cam
     """Plug a fake camera in under every name."""
 
     def plug(images: Iterable[CameraImages]) -> FakeCamera:
-        camera = FakeCamera(bare(frame.camera), images)
+        camera = FakeCamera(replace(frame.camera, mount_pitch_rad=0.0, mount_m=(0.0, 0.0, 0.0)), images)
         monkeypatch.setattr("treadline.io.live.camera_by_name", lambda _name: camera)
         return camera
 
