@@ -30,10 +30,10 @@ def chunks_of(log, **options: object) -> ChunkReader:
 def test_the_fraction_grows_to_one_and_a_second_pass_is_the_first(written, record: InputOutputRecord, kind: str) -> None:
     reader = chunks_of(written(kind, record), rows=5)
     for _ in range(2):
-        seen = [reader.fraction for _ in reader]
+        seen = [(reader.fraction, len(part)) for part in reader]
         assert seen == sorted(seen)
+        assert [length for _, length in seen] == [5] * 8
         assert reader.fraction == 1.0
-        assert len(seen) == 8
 
 
 def faulty(path: Path, k: int, row: str) -> Path:

@@ -130,7 +130,7 @@ def chunked(section: dict[str, Any]) -> list[str]:
     return [name for name, case in section.items() if Path(name).suffix in (*DELIMITED, *ARROW) and "resample" not in case]
 
 
-@pytest.fixture(params=[2, 7, 1000])
+@pytest.fixture(params=[2, 3, 7])
 def in_chunks(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Callable[[Path, dict[str, Any]], Any]:
     """Read in chunks of so many rows, and text in blocks of five lines."""
     monkeypatch.setattr(_csv_files, "BLOCK_ROWS", 5)
