@@ -55,19 +55,10 @@ def test_every_format_checks_units_gaps_and_infinity(written, record: InputOutpu
         refused(log.path, log.inputs, log.outputs, "millimetres")
 
 
-def test_an_empty_file_of_any_format_is_refused(tmp_path: Path) -> None:
-    for suffix in (".csv", ".npz", ".mat", ".parquet", ".mcap", ".bag", ".db3"):
-        path = tmp_path / f"log{suffix}"
-        refused(path, ("a",), ("b",), "no such file")
-        path.write_bytes(b"")
-        refused(path, ("a",), ("b",), "empty|not a (whole|valid)|not an SQLite|pip install")
-        path.write_text("t_s,a\n0,1\n" if suffix != ".csv" else "\x00\xff")
-        refused(path, ("a",), ("b",), "not a|no column|pip install")
-    (tmp_path / "log.xlsx").write_bytes(b"PK")
-    refused(tmp_path / "log.xlsx", ("a",), ("b",), r"\.parquet")
-
-
-def test_what_is_neither_file_nor_folder_is_refused(tmp_path: Path) -> None:
+def test_what_is_no_log_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "notes.md").write_text("")
+    refused(tmp_path, ("a",), ("b",), r"without record\.csv")
+    refused(tmp_path / "log.csv", ("a",), ("b",), "no such file")
     os.mkfifo(tmp_path / "log.csv")
     refused(tmp_path / "log.csv", ("a",), ("b",), "neither a file nor a folder")
 
@@ -117,11 +108,6 @@ def test_a_run_folder_without_a_record_is_read_from_its_log(tmp_path: Path) -> N
     np.testing.assert_array_equal(record.u[:, 0], 0.1 * np.arange(20))
     np.testing.assert_array_equal(record.y[:, 0], 0.01 * np.arange(20))
     assert record.dt_s == 0.25
-
-
-def test_a_folder_that_holds_no_log_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "notes.md").write_text("")
-    refused(tmp_path, ("a",), ("b",), r"without record\.csv")
 
 
 @pytest.mark.parametrize(
