@@ -47,3 +47,15 @@ def bag(path: Path, *, stamps: dict[str, list[float]] | None = None, **channels:
                 writer.add_message(key, round(t_s * SECOND), cdr(value, headers[k] if headers else None), 0)
         writer.finish()
     return path
+
+
+def one_topic(path: Path, *, kind: str, language: str, definition: str, encoding: str = "cdr") -> Path:
+    """Write one topic, /y, with the numbers from 0 to 8, one a second."""
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        key = writer.register_channel("/y", encoding, writer.register_schema(kind, language, definition.encode()))
+        for k in range(9):
+            writer.add_message(key, k * SECOND, cdr(float(k), None), 0)
+        writer.finish()
+    return path

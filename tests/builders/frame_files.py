@@ -1,6 +1,7 @@
 """Files of a frame: its points as a cloud, and its calibration."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -29,3 +30,15 @@ def write_calibration(path: Path, camera: PinholeCamera, mount: str = "mount_pit
         f"cx_px = {camera.cx_px}\ncy_px = {camera.cy_px}\n{mount}"
     )
     return path
+
+
+def add_cloud(log: Any, topic: str, t_s: float, points: np.ndarray, size: tuple[int, int]) -> None:
+    """Add a PointCloud2 with padding between the coordinates and a packed colour, as depth cameras publish it."""
+    kind = np.dtype({"names": ["x", "y", "z", "rgb"], "formats": ["<f4"] * 3 + ["<u4"], "offsets": [0, 4, 8, 16], "itemsize": 32})
+    rows = np.zeros(len(points), kind)
+    rows["x"], rows["y"], rows["z"] = points.T
+    rows["rgb"] = 0x808080
+    Field = log._type("sensor_msgs/msg/PointField")
+    fields = [Field(name, offset, number, 1) for name, offset, number in (("x", 0, 7), ("y", 4, 7), ("z", 8, 7), ("rgb", 16, 7))]
+    data = np.frombuffer(rows.tobytes(), np.uint8)
+    log._add(topic, "sensor_msgs/msg/PointCloud2", t_s, (size[1], size[0], fields, False, 32, 32 * size[0], data, False))

@@ -108,16 +108,14 @@ def test_a_calibration_of_another_size_or_without_a_focal_length_makes_no_frame(
     assert [number_of(frame) for frame in pairing.colour(colour(2))] == [2]
 
 
-@pytest.mark.parametrize("is_alone_enough", [False, True])
-def test_a_colour_image_of_another_size_is_none_or_an_error(is_alone_enough: bool) -> None:
+def test_a_colour_image_of_another_size_is_none_or_an_error() -> None:
     """Test: colour at twice the size. Expected result: a frame without colour where that is enough, else an error."""
-    pairing = Pairing(is_alone_enough=is_alone_enough)
-    pairing.calibrate(camera())
-    pairing.depth(depth(1))
     large = Picture(0.1, "rgb8", np.ones((6, 8, 3), np.uint8))
-    if is_alone_enough:
-        assert pairing.colour(large) == []
-        assert [frame.has_colour for frame in pairing.rest()] == [False]
-    else:
-        with pytest.raises(ImageError, match=r"8×6.*4×3"):
-            pairing.colour(large)
+    strict, alone = Pairing(), Pairing(is_alone_enough=True)
+    for pairing in (strict, alone):
+        pairing.calibrate(camera())
+        pairing.depth(depth(1))
+    assert alone.colour(large) == []
+    assert [frame.has_colour for frame in alone.rest()] == [False]
+    with pytest.raises(ImageError, match=r"8×6.*4×3"):
+        strict.colour(large)

@@ -5,6 +5,7 @@ import shlex
 import subprocess
 from dataclasses import asdict
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -24,8 +25,7 @@ def test_a_manifest_says_how_to_repeat_the_run(tmp_path: Path, monkeypatch: pyte
     monkeypatch.setattr("sys.argv", ["/somewhere/bin/treadline", "climb", "paper-28", "--out", "/elsewhere/run"])
     write_manifest(tmp_path, {"stair": {"rise_m": 0.16}}, 7)
     manifest = json.loads((tmp_path / "manifest.json").read_text())
-    assert manifest["settings"] == {"stair": {"rise_m": 0.16}}
-    assert manifest["seed"] == 7
+    assert (manifest["settings"], manifest["seed"]) == ({"stair": {"rise_m": 0.16}}, 7)
     assert manifest["command"] == "treadline climb paper-28 --out run"
     assert {"python", "treadline", "numpy", "scipy", "mujoco-core"} <= set(manifest["versions"])
 
@@ -35,11 +35,6 @@ def test_a_command_is_for_a_shell_and_names_no_folder_of_this_machine(monkeypatc
     said = runs.provenance()["command"]
     assert said == "treadline climb 'my stairs/a b.toml' '--out=run 1' --seed=3 c.json"
     assert shlex.split(said)[2] == "my stairs/a b.toml"
-
-
-def test_no_git_is_no_commit(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(runs.shutil, "which", lambda _: None)
-    assert runs.provenance()["git_commit"] is None
 
 
 def test_a_tree_with_changes_is_said_to_be_no_commit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -62,12 +57,11 @@ def test_a_tree_with_changes_is_said_to_be_no_commit(tmp_path: Path, monkeypatch
     assert runs.git_commit() == git("rev-parse", "HEAD") + "-dirty"
 
 
-def test_a_git_that_hangs_is_no_commit(monkeypatch: pytest.MonkeyPatch) -> None:
-    def hangs(*_: object, **__: object) -> None:
-        raise subprocess.TimeoutExpired("git", 10.0)
-
-    monkeypatch.setattr(runs.subprocess, "run", hangs)
+def test_without_git_or_with_one_that_hangs_there_is_no_commit(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(runs.subprocess, "run", Mock(side_effect=subprocess.TimeoutExpired("git", 10.0)))
     assert runs.git_commit() is None
+    monkeypatch.setattr(runs.shutil, "which", lambda _: None)
+    assert runs.provenance()["git_commit"] is None
 
 
 def test_numbers_that_are_not_finite_are_null_in_a_result(tmp_path: Path) -> None:
@@ -112,35 +106,24 @@ SCENARIO = read_scenario("paper-28")
 
 @pytest.fixture(scope="module")
 def excited(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Excited]:
-    folder = tmp_path_factory.mktemp("runs")
-    runs = [excite(SCENARIO, folder=folder / name, samples=20, period_s=0.05, seed=1, image_every=5) for name in "ab"]
-    return folder, runs[0]
+    folder = tmp_path_factory.mktemp("run")
+    return folder, excite(SCENARIO, folder=folder, samples=20, period_s=0.05, seed=1, image_every=5)
 
 
-def test_the_record_on_disk_is_the_record_returned(excited: tuple[Path, Excited]) -> None:
+def test_the_files_of_a_run_hold_what_it_returned(excited: tuple[Path, Excited]) -> None:
     folder, run = excited
-    back = read_record(folder / "a", INPUTS, OUTPUTS)
+    back = read_record(folder, INPUTS, OUTPUTS)
     np.testing.assert_array_equal(back.u, run.record.u)
     np.testing.assert_array_equal(back.y, run.record.y)
-
-
-def test_the_log_holds_the_truth_that_was_scored(excited: tuple[Path, Excited]) -> None:
-    folder, run = excited
-    truth = [signal for signal in read_log(folder / "a" / "log.mcap") if isinstance(signal, Truth)]
+    truth = [signal for signal in read_log(folder / "log.mcap") if isinstance(signal, Truth)]
     np.testing.assert_array_equal([sample.heading_rad for sample in truth], run.run.trace["heading_rad"])
-
-
-def test_the_series_is_the_trace_in_degrees(excited: tuple[Path, Excited]) -> None:
-    folder, run = excited
-    series = read_series(folder / "a")
+    # Every tenth sample, in degrees, of six significant digits.
     wanted = np.rad2deg(run.run.trace["heading_rad"][::10])
-    # Six significant digits.
-    np.testing.assert_allclose(series["heading_deg"], wanted, rtol=5e-6)
+    np.testing.assert_allclose(read_series(folder)["heading_deg"], wanted, rtol=5e-6)
 
 
 def test_the_manifest_says_what_pulls_the_chair_back(excited: tuple[Path, Excited]) -> None:
-    folder, _ = excited
-    entry = json.loads((folder / "a" / "manifest.json").read_text())["excitation"]
+    entry = json.loads((excited[0] / "manifest.json").read_text())["excitation"]
     assert entry == asdict(ExcitationConfig(mean_m_s=SCENARIO.drive.speed_m_s))
     assert entry["pull_m_s_per_rad"] > 0.0
 

@@ -1,9 +1,11 @@
 """Logs: what goes in comes out, the same in gives the same bytes, and a damaged file is one LogFormatError."""
 
 import errno
+from collections.abc import Callable
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -30,7 +32,8 @@ from treadline.core.signals import (
 from treadline.io import mcap_read
 from treadline.io.mcap_log import RunLog
 from treadline.io.mcap_read import read_log
-from treadline.io.messages import TRUTH_NAMES, joints
+from treadline.io.message_types import RosMessage
+from treadline.io.messages import TRUTH_NAMES, joints, messages_of
 from treadline.io.standard_messages import standard_messages_of
 
 CAMERA = PinholeCamera(width_px=5, height_px=3, fx_px=4.5, fy_px=4.25, cx_px=2.0, cy_px=1.0)
@@ -67,8 +70,8 @@ def one_of_each(t_s: float, seed: int) -> list[Any]:
     ]
 
 
-def write(path: Path, signals: list[Any], *, image_every: int = 1) -> Path:
-    with RunLog(path, image_every=image_every) as log:
+def write(path: Path, signals: list[Any], *, image_every: int = 1, **options: Any) -> Path:
+    with RunLog(path, image_every=image_every, **options) as log:
         for signal in signals:
             log(signal)
     return path
@@ -87,17 +90,12 @@ def log(tmp_path: Path) -> Path:
     return write(tmp_path / "log.mcap", SIGNALS)
 
 
-def test_every_signal_comes_back_as_it_went_in(log: Path) -> None:
-    assert [comparable(signal) for signal in read_log(log)] == [comparable(signal) for signal in SIGNALS]
-
-
-def test_a_log_of_standard_messages_is_still_read(tmp_path: Path) -> None:
-    """Test: a log as release 0.3 wrote it, with JointState and DiagnosticArray. Expected: the same signals."""
-    with RunLog(tmp_path / "log.mcap", image_every=1, messages=standard_messages_of) as log:
-        for signal in SIGNALS:
-            log(signal)
-    assert b"treadline_msgs" not in (tmp_path / "log.mcap").read_bytes()
-    assert [comparable(signal) for signal in read_log(tmp_path / "log.mcap")] == [comparable(signal) for signal in SIGNALS]
+@pytest.mark.parametrize("messages", [messages_of, standard_messages_of])
+def test_every_signal_comes_back_as_it_went_in(tmp_path: Path, messages: Callable[[Any], list[RosMessage]]) -> None:
+    """Test: a log of this release, and one as release 0.3 wrote it, with JointState and DiagnosticArray. Expected: the signals."""
+    path = write(tmp_path / "log.mcap", SIGNALS, messages=messages)
+    assert (b"treadline_msgs" in path.read_bytes()) == (messages is messages_of)
+    assert [comparable(signal) for signal in read_log(path)] == [comparable(signal) for signal in SIGNALS]
 
 
 @pytest.mark.parametrize(
@@ -108,15 +106,14 @@ def test_a_truth_of_an_older_log_is_still_read(tmp_path: Path, gone: str, said: 
     truth = next(signal for signal in SIGNALS if isinstance(signal, Truth))
     known = {name: getattr(truth, name) for name in TRUTH_NAMES if name != gone}
     message = joints("/truth", truth.t_s, tuple(known), tuple(known.values()), (), "simulator")
-    with RunLog(tmp_path / "log.mcap", messages=lambda _: [message]) as log:
-        log(truth)
+    path = write(tmp_path / "log.mcap", [truth], messages=lambda _: [message])
     if said is None:
-        (back,) = read_log(tmp_path / "log.mcap")
+        (back,) = read_log(path)
         default = next(item.default for item in fields(Truth) if item.name == gone)
         assert repr(back) == repr(replace(truth, **{gone: default}))  # as text: NaN differs from itself
     else:
         with pytest.raises(LogFormatError, match=said):
-            list(read_log(tmp_path / "log.mcap"))
+            list(read_log(path))
 
 
 def test_a_late_signal_keeps_its_stamp_and_its_arrival(tmp_path: Path) -> None:
@@ -170,27 +167,22 @@ def test_every_nth_frame_is_kept(tmp_path: Path, every: int, kept: int) -> None:
 def test_a_log_that_cannot_be_written_is_one_error_and_leaves_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str
 ) -> None:
-    def full(*_: object) -> None:
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    def written() -> None:
-        with RunLog(tmp_path / "log.mcap") as log:
-            monkeypatch.setattr(log._writer, "finish", full)
-            monkeypatch.setattr(log._writer, step, full)
-            log(SeatCommand(t_s=0.0, rate_m_s=0.0))
-
+    for name in {step, "finish"}:
+        monkeypatch.setattr(Writer, name, Mock(side_effect=OSError(errno.ENOSPC, "No space left on device")))
     with pytest.raises(TreadlineError, match=r"log\.mcap: cannot be written: No space"):
-        written()
+        write(tmp_path / "log.mcap", [SeatCommand(t_s=0.0, rate_m_s=0.0)])
     assert not list(tmp_path.iterdir())
 
 
-def test_a_log_cut_anywhere_is_refused(tmp_path: Path, log: Path) -> None:
-    data = log.read_bytes()
-    cut = tmp_path / "cut.mcap"
-    for size in [0, 1, 7, *range(8, len(data) - 1, len(data) // 60), len(data) - 1]:
+def test_a_log_cut_anywhere_or_beyond_its_cap_is_refused(tmp_path: Path, log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    data, cut = log.read_bytes(), tmp_path / "cut.mcap"
+    for size in [0, 1, 7, *range(8, len(data) - 1, len(data) // 40), len(data) - 1]:
         cut.write_bytes(data[:size])
         with pytest.raises(LogFormatError, match=r"cut\.mcap"):
             list(read_log(cut))
+    monkeypatch.setattr(mcap_read, "MAX_FILE_BYTES", 10)
+    with pytest.raises(LogFormatError, match="at most 10 are read"):
+        list(read_log(log))
 
 
 def test_what_is_no_log_is_refused_by_name(tmp_path: Path) -> None:
@@ -201,19 +193,22 @@ def test_what_is_no_log_is_refused_by_name(tmp_path: Path) -> None:
             list(read_log(path))
 
 
-def test_a_file_beyond_its_cap_is_refused(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mcap_read, "MAX_FILE_BYTES", 10)
-    with pytest.raises(LogFormatError, match="10"):
-        list(read_log(log))
-
-
-def test_a_log_without_checksums_is_refused(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"enable_crcs": False}, "a chunk is compressed by 'zstd' or has no checksum"),
+        ({"compression": CompressionType.LZ4}, "a chunk is compressed by 'lz4'"),
+        ({"use_chunking": False}, "a message outside a chunk has no checksum"),
+        ({"enable_data_crcs": False}, "the data has no checksum"),
+    ],
+)
+def test_a_log_without_checksums_throughout_is_refused(tmp_path: Path, options: dict[str, Any], words: str) -> None:
     path = tmp_path / "bare.mcap"
     with path.open("wb") as file:
-        writer = Writer(file, compression=CompressionType.ZSTD, enable_crcs=False)
+        writer = Writer(file, **{"compression": CompressionType.ZSTD, "enable_data_crcs": True} | options)
         writer.start()
         schema = writer.register_schema("a", "ros2msg", b"")
-        writer.add_message(writer.register_channel("/imu", "cdr", schema), 0, b"", 0)
+        writer.add_message(writer.register_channel("/else", "cdr", schema), 0, b"", 0)
         writer.finish()
-    with pytest.raises(LogFormatError, match="checksum"):
+    with pytest.raises(LogFormatError, match=words):
         list(read_log(path))

@@ -5,14 +5,16 @@ import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+from frame_files import write_calibration
 
 from treadline.cli import main
 from treadline.cli.see import StatusLine
-from treadline.core.camera_images import NamedFrame, PinholeCamera, RgbdFrame
+from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import CameraError, ImageError, SettingsError
 from treadline.io.live import CameraImages, camera_by_name
 from treadline.io.live._depth_camera import no_frame, not_opened
@@ -20,6 +22,8 @@ from treadline.io.live.stream import LiveFrames
 from treadline.scenario.camera_file import read_camera
 
 RATE_HZ = 30.0
+WIDTH, HEIGHT = 32, 24
+SMALL = PinholeCamera(width_px=WIDTH, height_px=HEIGHT, fx_px=10.0, fy_px=10.0, cx_px=15.5, cy_px=11.5)
 
 
 class FakeCamera:
@@ -53,131 +57,106 @@ class FakeCamera:
         self.closed += 1
 
 
-def bare(frame: RgbdFrame) -> PinholeCamera:
-    return replace(frame.camera, mount_pitch_rad=0.0, mount_m=(0.0, 0.0, 0.0))
-
-
-def recorded(frame: RgbdFrame, stamps: Iterable[float], **more: object) -> list[CameraImages]:
-    return [CameraImages(t_s=t_s, depth_m=frame.depth_m, **more) for t_s in stamps]
+def images_at(times: Iterable[float], frame: RgbdFrame | None = None, **more: Any) -> list[CameraImages]:
+    depth_m = np.full((HEIGHT, WIDTH), 1.5, np.float32) if frame is None else frame.depth_m
+    return [CameraImages(t_s=t_s, depth_m=depth_m, **more) for t_s in times]
 
 
 def stamps(count: int, rate_hz: float = RATE_HZ, start_s: float = 1000.0) -> list[float]:
     return [start_s + number / rate_hz for number in range(count)]
 
 
-@pytest.fixture
-def frame(rendered) -> RgbdFrame:
-    """Return a frame from a flight."""
-    return rendered()
-
-
-def played(camera: FakeCamera, **options: object) -> tuple[list, LiveFrames, list[str], str]:
-    """Return the frames up to the failure, their stream, its warnings and the failure."""
+def played(
+    images: Iterable[CameraImages], camera: PinholeCamera = SMALL, **options: Any
+) -> tuple[list, LiveFrames, list[str], str]:
+    """Return the frames up to the failure, their stream, its warnings as they arose, and the failure."""
     said: list[str] = []
-    frames = LiveFrames(camera, on_warning=said.append, **options)
-    found: list[NamedFrame] = []
+    fake = FakeCamera(camera, images)
+    frames, found = LiveFrames(fake, on_warning=said.append, **options), []
     with pytest.raises(CameraError) as failed:
         found.extend(frames)
+    assert (fake.opened, fake.closed, fake.colour) == (1, 1, options.get("colour", False))
     return found, frames, said, str(failed.value)
 
 
-def test_frames_have_times_from_the_first_and_the_device_intrinsics(frame) -> None:
-    camera = FakeCamera(bare(frame), recorded(frame, stamps(4)))
-    found, frames, said, _ = played(camera)
-    assert [named.t_s for named in found] == pytest.approx(stamps(4, start_s=0.0))
-    assert all(named.frame.camera == bare(frame) for named in found)
-    assert (camera.opened, camera.closed, camera.colour) == (1, 1, False)
-    assert said == frames.warnings == []
+@pytest.mark.parametrize(
+    ("times", "kept_s", "warnings"),
+    [
+        (stamps(4), stamps(4, start_s=0.0), []),
+        ([*stamps(3), 1000.0, 1000.0 + 2 / RATE_HZ, 1001.0], [*stamps(3, start_s=0.0), 1.0], ["2 frames left out: their stamps "]),
+        # The first frame loads the compiled kernels for a second.
+        ([1000.0, *stamps(90, start_s=1001.0)], [0.0, *stamps(90, start_s=1.0)], []),
+    ],
+    ids=["sound", "repeated", "slow at first"],
+)
+def test_frames_have_times_from_the_first_until_the_camera_is_unplugged(times, kept_s, warnings) -> None:
+    found, frames, said, failure = played(images_at(times))
+    assert [named.t_s for named in found] == [named.frame.t_s for named in found] == pytest.approx(kept_s)
+    assert [named.name for named in found[:2]] == ["000000", "000001"]
+    assert {named.frame.camera for named in found} == {SMALL}
+    assert [warning[:32] for warning in frames.warnings] == warnings
+    assert said == []
+    assert failure == f"fake: no depth image for 2 s (Frame didn't arrive); was it unplugged? ({len(kept_s)} frames before)"
 
 
-def test_an_unplugged_camera_is_one_line_with_the_count(frame) -> None:
-    camera = FakeCamera(bare(frame), recorded(frame, stamps(7)))
-    *_, failure = played(camera)
-    assert failure == "fake: no depth image for 2 s (Frame didn't arrive); was it unplugged? (7 frames before)"
+def test_a_busy_device_is_closed_and_named() -> None:
+    camera = FakeCamera(SMALL, [], not_opened("fake", RuntimeError("errno=16 Device or\nresource busy")))
+    with pytest.raises(CameraError, match=r"^fake: busy \(errno=16 Device or resource busy\)"):
+        list(LiveFrames(camera))
     assert camera.closed == 1
-
-
-def test_a_busy_device_is_closed_and_named(frame) -> None:
-    camera = FakeCamera(bare(frame), [], not_opened("fake", RuntimeError("errno=16 Device or\nresource busy")))
-    found, *_, failure = played(camera)
-    assert found == []
-    assert failure.startswith("fake: busy (errno=16 Device or resource busy)")
-    assert camera.closed == 1
-    assert "is it plugged in" in str(not_opened("fake", RuntimeError("No device connected")))
 
 
 @pytest.mark.parametrize(("rate_hz", "warned"), [(29.0, False), (16.0, False), (11.0, True), (0.5, True)])
-def test_a_frame_rate_that_collapses_is_a_warning_with_figures(frame, rate_hz: float, warned: bool) -> None:
-    before = stamps(90)  # the rate is checked from two seconds on
-    slow = stamps(60, rate_hz, before[-1] + 1.0 / rate_hz)
-    after = stamps(60, RATE_HZ, slow[-1] + 1.0 / RATE_HZ)
-    again = stamps(60, rate_hz, after[-1] + 1.0 / rate_hz)
-    _, frames, said, _ = played(FakeCamera(bare(frame), recorded(frame, before + slow + after + again)))
+def test_a_frame_rate_that_collapses_is_a_warning_with_figures(rate_hz: float, warned: bool) -> None:
+    times = stamps(90)  # the rate is checked from two seconds on
+    for rate in (rate_hz, RATE_HZ, rate_hz):
+        times += stamps(60, rate, times[-1] + 1.0 / rate)
+    _, frames, said, _ = played(images_at(times))
     # One warning per collapse, and the slowest rate afterwards.
-    assert len(said) == (2 if warned else 0)
-    assert len(frames.warnings) == (1 if warned else 0)
-    if warned:
-        assert "of 30 frames per second" in said[0]
-        assert f"fell to {rate_hz:.1f} Hz of 30 Hz" in frames.warnings[0]
+    assert ["of 30 frames per second" in text for text in said] == [True, True] * warned
+    assert frames.warnings == [f"the frame rate fell to {rate_hz:.1f} Hz of 30 Hz"] * warned
 
 
-def test_slow_first_frames_are_no_collapse(frame) -> None:
-    # The first frame loads the compiled kernels for a second.
-    times = [1000.0, *(1001.0 + number / RATE_HZ for number in range(90))]
-    _, frames, said, _ = played(FakeCamera(bare(frame), recorded(frame, times)))
-    assert said == frames.warnings == []
+def test_intrinsics_of_another_resolution_are_refused() -> None:
+    with pytest.raises(ImageError, match="images of 32×24 pixels, intrinsics for 16×24"):
+        list(LiveFrames(FakeCamera(replace(SMALL, width_px=16), images_at(stamps(1)))))
 
 
-def test_stamps_that_repeat_or_go_back_are_left_out_and_counted(frame) -> None:
-    times = [*stamps(3), 1000.0, 1000.0 + 2 / RATE_HZ, 1001.0]
-    found, frames, _, _ = played(FakeCamera(bare(frame), recorded(frame, times)))
-    assert len(found) == 4
-    assert frames.warnings[0].startswith("2 frames left out")
+def test_a_calibration_file_gives_the_mount_and_is_compared(tmp_path: Path) -> None:
+    own = read_camera(write_calibration(tmp_path / "a.toml", SMALL))
+    for focal_px, warnings in ((10.0, []), (10.2, []), (10.5, ["fx = 10.0 px differs from the device's 10.5 px by 4.8 %"])):
+        device = replace(SMALL, fx_px=focal_px, fy_px=focal_px)
+        (named,), _, said, _ = played(images_at(stamps(1)), device, calibration=own)
+        assert named.mount_known
+        assert named.frame.camera == replace(device, mount_pitch_rad=own.camera.mount_pitch_rad)
+        assert [text[len("the calibration's ") :].partition(";")[0] for text in said] == warnings
+    other = read_camera(write_calibration(tmp_path / "b.toml", replace(SMALL, width_px=33)))
+    with pytest.raises(ImageError, match="calibration is for 33×24, the camera gives 32×24"):
+        list(LiveFrames(FakeCamera(SMALL, []), calibration=other))
 
 
-def test_intrinsics_of_another_resolution_are_refused(frame) -> None:
-    double = replace(bare(frame), width_px=640, height_px=480)
-    with pytest.raises(ImageError, match="images of 320×240 pixels, intrinsics for 640×480"):
-        list(LiveFrames(FakeCamera(double, recorded(frame, stamps(1)))))
-
-
-def test_a_calibration_file_gives_the_mount_and_is_compared(frame, calibration_file, tmp_path: Path) -> None:
-    own = read_camera(calibration_file(tmp_path / "a.toml", frame.camera))
-    found, _, said, _ = played(FakeCamera(bare(frame), recorded(frame, stamps(1))), calibration=own)
-    assert said == []
-    assert found[0].mount_known
-    assert found[0].frame.camera == replace(bare(frame), mount_pitch_rad=own.camera.mount_pitch_rad)
-    longer = replace(bare(frame), fx_px=300.0, fy_px=300.0)
-    found, _, said, _ = played(FakeCamera(longer, recorded(frame, stamps(1))), calibration=own)
-    assert "fx = 287.5 px differs from the device's 300.0 px by 4.2 %" in said[0]
-    assert found[0].frame.camera.fx_px == 300.0
-    other = read_camera(calibration_file(tmp_path / "b.toml", replace(frame.camera, width_px=330)))
-    with pytest.raises(ImageError, match="calibration is for 330×240, the camera gives 320×240"):
-        list(LiveFrames(FakeCamera(bare(frame), []), calibration=other))
-
-
-def test_colour_of_another_time_is_a_warning_and_depth_is_used(frame) -> None:
-    late = [CameraImages(t_s=t_s, depth_m=frame.depth_m, rgb=frame.rgb, rgb_t_s=t_s + 0.033) for t_s in stamps(3)]
-    found, frames, said, _ = played(FakeCamera(bare(frame), late), colour=True)
-    assert [named.has_colour for named in found] == [False] * 3
+def test_colour_of_another_time_is_a_warning_and_depth_is_used() -> None:
+    rgb = np.full((HEIGHT, WIDTH, 3), 7, np.uint8)
+    paired = [replace(item, rgb=rgb, rgb_t_s=item.t_s + 0.01) for item in images_at(stamps(3))]
+    found, *_ = played(paired, colour=True)
+    assert [(named.has_colour, named.frame.rgb.max()) for named in found] == [(True, 7)] * 3
+    late = [replace(item, rgb_t_s=item.t_s + 0.033) for item in paired]
+    found, frames, said, _ = played(late, colour=True)
+    assert [(named.has_colour, named.frame.rgb.max()) for named in found] == [(False, 0)] * 3
     assert said == ["fake: depth and colour are 33 ms apart, at most 20 ms are paired; depth alone is used"]
     assert frames.warnings == ["3 frames used without colour: depth and colour were more than 20 ms apart"]
-    paired = [replace(images, rgb_t_s=images.t_s + 0.01) for images in late]
-    found, *_ = played(FakeCamera(bare(frame), paired), colour=True)
-    assert all(named.has_colour for named in found)
 
 
-def test_gravity_is_opposite_to_the_mean_force(frame) -> None:
+def test_gravity_is_opposite_to_the_mean_force() -> None:
     rng = np.random.default_rng(1)
     down = np.array([0.1, 0.9, 0.4]) / np.linalg.norm([0.1, 0.9, 0.4])
     # Vibration of 1 m/s²: the mean over a second of 30 Hz keeps 1/√60 of it (exponential weights), which is 0.75° per axis.
-    images = [CameraImages(t_s=t_s, depth_m=frame.depth_m, force_C=-9.8 * down + rng.normal(0.0, 1.0, 3)) for t_s in stamps(120)]
-    found, *_ = played(FakeCamera(bare(frame), images))
+    images = [replace(item, force_C=-9.8 * down + rng.normal(0.0, 1.0, 3)) for item in images_at(stamps(120))]
+    found, *_ = played(images)
     assert np.degrees(np.arccos(found[-1].gravity_C @ down)) < 3.0
-    falling = [replace(item, force_C=np.array([0.0, -1.0, 0.0])) for item in images[:3]]
-    found, *_ = played(FakeCamera(bare(frame), falling))
+    found, *_ = played(images_at(stamps(3), force_C=np.array([0.0, -1.0, 0.0])))
     assert found[0].gravity_C is None
-    found, *_ = played(FakeCamera(bare(frame), images[:1]), gravity_C=down)
+    found, *_ = played(images[:1], gravity_C=down)
     np.testing.assert_array_equal(found[0].gravity_C, down)
 
 
@@ -188,11 +167,17 @@ def test_unknown_cameras_are_refused_with_the_list(name: str) -> None:
 
 
 @pytest.fixture
-def plugged_in(monkeypatch: pytest.MonkeyPatch, frame) -> Callable[..., FakeCamera]:
+def frame(rendered) -> RgbdFrame:
+    """Return a frame from a flight."""
+    return rendered()
+
+
+@pytest.fixture
+def plugged_in(monkeypatch: pytest.MonkeyPatch, frame) -> Callable[[Iterable[CameraImages]], FakeCamera]:
     """Plug a fake camera in under every name."""
 
-    def plug(images: list[CameraImages], error: Exception | None = None) -> FakeCamera:
-        camera = FakeCamera(bare(frame), images, error)
+    def plug(images: Iterable[CameraImages]) -> FakeCamera:
+        camera = FakeCamera(replace(frame.camera, mount_pitch_rad=0.0, mount_m=(0.0, 0.0, 0.0)), images)
         monkeypatch.setattr("treadline.io.live.camera_by_name", lambda _name: camera)
         return camera
 
@@ -200,7 +185,7 @@ def plugged_in(monkeypatch: pytest.MonkeyPatch, frame) -> Callable[..., FakeCame
 
 
 def test_the_command_shows_a_line_and_the_newest_picture(plugged_in, frame, capsys, tmp_path: Path) -> None:
-    camera = plugged_in([replace(item, rgb=frame.rgb, rgb_t_s=item.t_s) for item in recorded(frame, stamps(40))])
+    camera = plugged_in([replace(item, rgb=frame.rgb, rgb_t_s=item.t_s) for item in images_at(stamps(40), frame)])
     table = tmp_path / "walk.jsonl"
     words = ["see", "--live", "realsense", "--seconds", "1", "--out", str(tmp_path / "seen"), "--headings", str(table), "--json"]
     assert main(words) == 0
@@ -220,7 +205,7 @@ def test_the_command_shows_a_line_and_the_newest_picture(plugged_in, frame, caps
 
 def test_ctrl_c_ends_a_live_view_with_its_summary(plugged_in, frame, capsys) -> None:
     def interrupted() -> Iterator[CameraImages]:
-        yield from recorded(frame, stamps(3))
+        yield from images_at(stamps(3), frame)
         raise KeyboardInterrupt
 
     camera = plugged_in(interrupted())
@@ -231,7 +216,7 @@ def test_ctrl_c_ends_a_live_view_with_its_summary(plugged_in, frame, capsys) -> 
 
 def test_a_rejected_frame_shows_its_reason(plugged_in, frame, capsys) -> None:
     wall = replace(frame, depth_m=np.full_like(frame.depth_m, 1.5))
-    plugged_in(recorded(wall, stamps(3)))
+    plugged_in(images_at(stamps(3), wall))
     main(["see", "--live", "realsense", "--seconds", "0.05"])
     said = capsys.readouterr()
     assert "no heading: " in said.err
