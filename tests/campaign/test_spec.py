@@ -20,6 +20,7 @@ from treadline.scenario.scenario import Scenario, read_scenario
 
 Write = Callable[[str], Path]
 ENVELOPE = read_spec("envelope")
+FIXED = read_spec("envelope", {"stair.width_m": 1.3, "start.heading_deg": 3.0})
 OUTSIDE = read_spec("outside")
 shares = st.lists(st.floats(0.0, 1.0), min_size=ENVELOPE.dimension, max_size=ENVELOPE.dimension)
 
@@ -31,13 +32,12 @@ def drawn(spec: Spec, count: int, sampling: Any = "sobol", seed: int = 0) -> lis
 @given(shares)
 @settings(max_examples=20)
 def test_a_set_value_holds_in_every_run_and_leaves_the_other_draws_as_they_are(point: list[float]) -> None:
-    fixed = read_spec("envelope", {"stair.width_m": 1.3, "start.heading_deg": 3.0})
-    without, having = ENVELOPE.at(point, "a run"), fixed.at(point, "a run")
+    without, having = ENVELOPE.at(point, "a run"), FIXED.at(point, "a run")
     assert (having.scenario.stair.width_m, having.scenario.start.heading_deg) == (1.3, 3.0)
     assert having.values == without.values | {
         key: having.values[key] for key in ("stair.width_m", "start.heading_deg") if key in having.values
     }
-    assert fixed.digest != ENVELOPE.digest
+    assert FIXED.digest != ENVELOPE.digest
 
 
 @given(shares)
