@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from treadline.campaign.spec import Spec, read_spec
+
 sys.path.insert(0, str(Path(__file__).parent))  # spawned processes import the episode functions by module name
 
 SMALL = """
@@ -48,3 +50,11 @@ def spec_file(tmp_path: Path) -> Callable[[str], Path]:
 @pytest.fixture
 def small(spec_file: Callable[[str], Path]) -> Path:
     return spec_file(SMALL)
+
+
+@pytest.fixture(scope="session")
+def small_spec(tmp_path_factory: pytest.TempPathFactory) -> Spec:
+    """Return the small sweep, whose corners are checked once."""
+    path = tmp_path_factory.mktemp("small") / "spec.toml"
+    path.write_text(SMALL, encoding="utf-8")
+    return read_spec(path)

@@ -1,74 +1,78 @@
-"""Chart of the campaign page."""
+"""Page of a campaign: what it shows, and where its dots are."""
 
 import re
 from pathlib import Path
 from typing import Any
 
 import pytest
+from page_text import PageText
 
-from treadline.campaign._campaign_page import write_page
+from treadline.campaign._campaign_page import thumbnail, view_of, write_page
 from treadline.campaign._results import summarise
+from treadline.scenario.scenario import Scenario
+
+from ..report.conftest import Transcript, climbing  # noqa: TID252 - pytest names the folders; outside of it they are no package
+from .test_frontier import runs
 
 DRAWN = ["stair.texture", "stair.open_risers", "stair.friction.0", "chair.payload_kg", "start.heading_deg"]
+GOLDEN = Transcript(Path(__file__).with_name("sweep.txt"))
+"""Pages as text; ``TREADLINE_ACCEPT=1 pytest tests/campaign/test_page.py`` writes them anew."""
 
 
-def page_of(folder: Path, *runs: dict[str, Any], score: str = "margin") -> str:
+def page_of(folder: Path, *changes: dict[str, Any], score: str = "margin", drawn: list[str] = DRAWN) -> str:
     rows = [
-        {"index": index, "seed": index, "verdict": "arrived", "cause": None, "margin": 5.0 + index, "stair.slope_deg": 28.0} | run
-        for index, run in enumerate(runs)
+        {"index": index, "seed": index, "verdict": "arrived", "cause": None, "margin": 5.0 + index, "stair.slope_deg": 28.0}
+        | change
+        for index, change in enumerate(changes)
     ]
-    summary = summarise(rows, DRAWN, [], score)
-    summary["worst"] = []
-    return write_page(folder, summary, {"traversals_per_cpu_hour": None}, rows, DRAWN).read_text(encoding="utf-8")
+    summary = summarise(rows, drawn, drawn[:1], score)
+    summary["worst"] = [row | {"replay": f"treadline climb {row['index']}"} for row in summary["worst"][:2]]
+    scenario = Scenario()
+    views = {row["index"]: thumbnail(rows[row["index"]], scenario) for row in summary["worst"] if "view" in rows[row["index"]]}
+    return write_page(folder, summary, {"traversals_per_cpu_hour": 1234.5}, rows, drawn, views).read_text(encoding="utf-8")
+
+
+def a_frontier(folder: Path) -> str:
+    """Return the page of 200 runs of which half fail, two for a reason that differs in a number alone, one with its pose."""
+    found = [row | {"min_stability_margin_deg": 8.0 + 0.01 * row["index"], "rms_heading_deg": 1.0} for row in runs(200, seed=1)]
+    found[0] |= {"verdict": "held", "cause": "no frame for 0.3 s"}
+    found[1] |= {"verdict": "held", "cause": "no frame for 0.4 s"}
+    found[2] |= {"verdict": "fell", "cause": "<b>tilted</b>", "min_stability_margin_deg": 0.5} | view_of(climbing(seconds=1.0))
+    return page_of(folder, *found, score="min_stability_margin_deg", drawn=["verdict", "slope_deg", "friction", "payload_kg"])
+
+
+PAGES = {"half of the runs fail": a_frontier, "nothing varies": lambda folder: page_of(folder, {}, {"stair.open_risers": False})}
+
+
+@pytest.mark.parametrize("title", PAGES)
+def test_a_page_shows_what_its_golden_file_says_and_asks_for_nothing(title: str, tmp_path: Path) -> None:
+    page = PAGES[title](tmp_path)
+    text = PageText(page)
+    assert not re.search(r"https?:|<script|\son\w+=", page)
+    assert text.tags.isdisjoint({"b", "img", "link"})
+    GOLDEN.check(title, text.lines)
 
 
 @pytest.mark.parametrize(
-    ("key", "values", "title", "tick"),
+    ("key", "low", "high", "title"),
     [
-        ("stair.slope_deg", (20.0, 30.0), "stair.slope_deg [°]", "22"),
-        ("start.heading_deg", (-5.0, 5.0), "start.heading_deg [°]", "-4"),
-        ("chair.payload_kg", (0, 80), "chair.payload_kg [kg]", "40"),
-        ("stair.friction.0", (0.5, 0.9), "stair.friction.0", "0.7"),
+        ("stair.slope_deg", 20.0, 30.0, "stair.slope_deg [°]"),
+        ("start.heading_deg", -5.0, 5.0, "start.heading_deg [°]"),
+        ("chair.payload_kg", 0, 80, "chair.payload_kg [kg]"),
+        ("stair.friction.0", 0.5, 0.9, "stair.friction.0"),
     ],
 )
-def test_a_varying_key_is_the_horizontal_axis_with_unit_and_round_ticks(
-    tmp_path: Path, key: str, values: tuple[float, float], title: str, tick: str
+def test_all_dots_are_inside_the_frame_of_the_varying_key_and_falls_above_the_others(
+    tmp_path: Path, key: str, low: float, high: float, title: str
 ) -> None:
-    others = {"stair.texture": "wood", "stair.open_risers": True}
-    page = page_of(tmp_path, *({key: value} | others for value in values), others)
-    assert f"<h2>Margin by {key}</h2>" in page
+    """Test: a fall at one end of the range, and an arrival at the other. Expected: dots inside, in the order of their values."""
+    page = page_of(tmp_path, {"verdict": "fell", key: high}, {key: low}, {"stair.texture": "wood", "stair.slope_deg": None})
     assert f">{title}</p>" in page
-    assert f">{tick}</text>" in page
-    # A missing value has no dot.
-    assert len(re.findall("<circle", page)) == (3 if key == "stair.slope_deg" else 2)
-
-
-def test_all_dots_are_inside_the_frame(tmp_path: Path) -> None:
-    page = page_of(tmp_path, {"stair.slope_deg": 20.0}, {"stair.slope_deg": 30.0}, {"stair.slope_deg": 25.0})
     frame = {name: float(value) for name, value in re.findall(r'(x|y|width|height)="([\d.]+)"', page[page.index("<rect") :])[:4]}
-    for x, y, r in re.findall(r'cx="([\d.]+)" cy="([\d.]+)" r="([\d.]+)"', page):
-        assert frame["x"] + float(r) < float(x) < frame["x"] + frame["width"] - float(r)
-        assert frame["y"] + float(r) < float(y) < frame["y"] + frame["height"] - float(r)
-
-
-def test_a_fall_has_a_colour_of_its_own_and_is_drawn_over_the_others(tmp_path: Path) -> None:
-    page = page_of(tmp_path, {"verdict": "fell", "stair.slope_deg": 20.0}, {"stair.slope_deg": 30.0}, {"verdict": "crashed"})
-    colours = re.findall(r'<circle[^>]* fill="(#\w+)"', page)
-    assert colours[-1] == "#e4002b"
-    assert colours.count("#e4002b") == 1
-    assert "#8a4fa0" in colours  # any other verdict
-    assert '<span style="color: #e4002b">●</span> fell' in page
-
-
-def test_a_score_is_shown_with_display_name_and_unit(tmp_path: Path) -> None:
-    rows = [{"min_stability_margin_deg": 8.0 + k, "rms_heading_deg": 1.0, "stair.slope_deg": 20.0 + k} for k in range(3)]
-    page = page_of(tmp_path, *rows, score="min_stability_margin_deg")
-    assert "<h2>Smallest tip-over margin that lasts 0.1 s by stair.slope_deg</h2>" in page
-    assert ">smallest tip-over margin that lasts 0.1 s [°]</p>" in page
-    # The RMS of margins has no meaning, the RMS of RMS values does.
-    cells = dict(re.findall(r'<code class="key">(\w+)</code></td>(.*?)</tr>', page))
-    assert [("–</td>" in cells[key]) for key in ("min_stability_margin_deg", "rms_heading_deg")] == [True, False]
-
-
-def test_without_a_varying_number_there_is_no_chart(tmp_path: Path) -> None:
-    assert "<svg" not in page_of(tmp_path, {"stair.open_risers": True}, {"stair.open_risers": False})
+    dots = [[float(value) for value in dot] for dot in re.findall(r'cx="([\d.]+)" cy="([\d.]+)" r="([\d.]+)"', page)]
+    assert len(dots) == 2  # a missing value has none
+    for x, y, r in dots:
+        assert frame["x"] + r < x < frame["x"] + frame["width"] - r
+        assert frame["y"] + r < y < frame["y"] + frame["height"] - r
+    assert dots[0][0] < dots[1][0]
+    assert dots[0][2] < dots[1][2]

@@ -12,10 +12,14 @@ import world
 from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.ports import Truth
-from treadline.core.signals import Event, HeadingEstimate, SeatReading, StairMap, TrackCommand
+from treadline.core.signals import Event, HeadingEstimate, SeatCommand, SeatReading, StairMap, TrackCommand
 from treadline.io.mcap_log import RunLog
 from treadline.io.runs import begin_run, write_result
+from treadline.plant.mujoco import open_plant
+from treadline.playback import Recording, RecordingBuilder
+from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair, Scenario, Stair
+from treadline.vehicle.staircase import Staircase
 
 TICKS = 40
 SCENARIO = Scenario(stair=Stair(rise_jitter_m=0.004), chair=Chair())
@@ -75,3 +79,18 @@ def written(tmp_path: Path) -> Callable[..., Path]:
         return folder
 
     return write
+
+
+@pytest.fixture(scope="session")
+def driven() -> tuple[Recording, Staircase]:
+    """Return two seconds of a chair that drives half a pitch up the flight, and the plant's stair."""
+    scenario = SCENARIO.model_validate({**SCENARIO.model_dump(), "start": {"place": "flight", "step": 4}})
+    plant, builder = open_plant(scenario, 3), RecordingBuilder(read_chair("wheelchair"), scenario, seed=3)
+    plant.start()
+    for k in range(20):
+        plant.write(TrackCommand(t_s=0.1 * k, left_m_s=0.1, right_m_s=0.12), SeatCommand(t_s=0.1 * k, rate_m_s=0.01))
+        plant.advance(0.1 * (k + 1))
+        for sample in plant.truth():
+            builder(sample, sample.t_s)
+    plant.close()
+    return builder.build(), plant.staircase

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -32,8 +33,10 @@ def test_a_log_without_anything_to_play_is_refused(tmp_path: Path, signals: tupl
     assert "no signals to play" in refused(tmp_path / "quiet.mcap")
 
 
-def test_a_missing_target_a_plain_folder_and_a_run_without_log_are_refused(written: Written, tmp_path: Path) -> None:
+def test_a_missing_target_a_plain_folder_another_kind_and_a_run_without_log_are_refused(written: Written, tmp_path: Path) -> None:
     assert "no such file" in refused(tmp_path / "nowhere")
+    (tmp_path / "run.txt").write_text("not a log")
+    assert "not a message log" in refused(tmp_path / "run.txt")
     (tmp_path / "plain").mkdir()
     assert "no manifest.json" in refused(tmp_path / "plain")
     folder = written(signals_of_a_run())
@@ -41,21 +44,17 @@ def test_a_missing_target_a_plain_folder_and_a_run_without_log_are_refused(writt
     assert "no log.mcap" in refused(folder)
 
 
-def test_a_file_of_another_kind_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "run.txt").write_text("not a log")
-    assert "not a message log" in refused(tmp_path / "run.txt")
-
-
-def test_a_run_of_another_version_is_refused_with_the_remedy(written: Written) -> None:
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"stair": {"breadth_m": 1.0}}, "another version"),
+        ({"robot": []}, "settings.robot names no chair; make the run again"),
+        ({"robot": {"mission": {}}}, "settings.robot names no chair; make the run again"),
+        ({"robot": {"mission": {"chair": 7}}}, "settings.robot names no chair; make the run again"),
+    ],
+)
+def test_settings_that_cannot_be_read_are_refused_with_the_remedy(written: Written, settings: dict[str, Any], said: str) -> None:
     folder = written(signals_of_a_run())
     manifest = folder / "manifest.json"
-    manifest.write_text(manifest.read_text().replace('"width_m"', '"breadth_m"'))
-    assert "another version" in refused(folder)
-
-
-@pytest.mark.parametrize("robot", [{"robot": []}, {"robot": {"mission": {}}}, {"robot": {"mission": {"chair": 7}}}])
-def test_a_run_of_a_real_chair_that_names_none_is_refused(written: Written, robot: dict[str, object]) -> None:
-    folder = written(signals_of_a_run())
-    manifest = folder / "manifest.json"
-    manifest.write_text(json.dumps(json.loads(manifest.read_text()) | {"settings": robot}))
-    assert "settings.robot names no chair; make the run again" in refused(folder)
+    manifest.write_text(json.dumps(json.loads(manifest.read_text()) | {"settings": settings}))
+    assert said in refused(folder)

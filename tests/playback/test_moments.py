@@ -12,15 +12,13 @@ import pytest
 
 from treadline.core.angles import DEG
 from treadline.core.rotations import attitude_of, rotation_y
-from treadline.core.signals import Event, FrameQuality, SeatCommand, TrackCommand
-from treadline.plant.mujoco import open_plant
+from treadline.core.signals import Event, FrameQuality
 from treadline.playback import (
     LogNotes,
     NosingComparison,
     PerceivedStair,
     PhaseSpan,
     Recording,
-    RecordingBuilder,
     comparison_of,
     findings_of,
     holding_at,
@@ -42,7 +40,7 @@ from treadline.playback._nosings import nosing_record
 from treadline.scenario.chair import read_chair
 from treadline.scenario.faults import Fault
 from treadline.scenario.scenario import Chair, Scenario, Stair
-from treadline.vehicle.staircase import as_designed
+from treadline.vehicle.staircase import Staircase, as_designed
 
 from .conftest import signals_of_a_run
 
@@ -323,27 +321,13 @@ def test_a_logged_margin_that_no_direction_explains_has_none() -> None:
     assert least_margin(replace(recording, margin_rad=np.array([math.nan]))) is None
 
 
-def test_the_margins_are_those_of_the_simulator() -> None:
+def test_the_margins_are_those_of_the_simulator(driven: tuple[Recording, Staircase]) -> None:
     """Test: a chair that stands on the flight and then drives half a pitch. Expected: the logged margin, with a direction.
 
     The simulator adds the contacts of the last quarter second, so single samples may differ: nine of ten agree within 0.1°.
     """
-    scenario = SCENARIO.model_validate({**SCENARIO.model_dump(), "start": {"place": "flight", "step": 4}})
-    plant = open_plant(scenario, 0)
-    plant.start()
-    samples = []
-    for k in range(20):
-        plant.write(TrackCommand(t_s=0.1 * k, left_m_s=0.1, right_m_s=0.1), SeatCommand(t_s=0.1 * k, rate_m_s=0.0))
-        plant.advance(0.1 * (k + 1))
-        samples += list(plant.truth())
-    plant.close()
-    builder = RecordingBuilder(CHAIR, scenario)
-    for sample in samples:
-        builder(sample)
-    recording = builder.build()
-    deviations = []
-    for k in range(50, len(samples), 5):
-        margins = margins_at(recording, k)
-        deviations.append(abs(margins.worst - recording.margin_rad[k]))
+    recording, _ = driven
+    count = len(recording.t_s)
+    deviations = [abs(margins_at(recording, k).worst - recording.margin_rad[k]) for k in range(50, count, 5)]
     assert np.quantile(deviations, 0.9) < 0.1 * DEG
-    assert tipping_direction(recording, len(samples) - 1) == "backward"
+    assert tipping_direction(recording, count - 1) == "backward"

@@ -12,18 +12,11 @@ from treadline.core.angles import DEG
 from treadline.core.camera_images import RgbdFrame
 from treadline.core.ports import Truth
 from treadline.core.rotations import rotation_of, rotation_x, rotation_y, rotation_z
-from treadline.core.signals import HeadingEstimate, ImuSample, SeatCommand, TrackCommand
-from treadline.io.columns import read_contents
-from treadline.io.mcap_read import read_log
-from treadline.io.runs import LOG
-from treadline.plant.mujoco import open_plant
+from treadline.core.signals import ImuSample
 from treadline.playback import Recording, RecordingBuilder, SignalCollector, read_frames, read_recording
 from treadline.ros.recorder import open_bag
-from treadline.run.recorded_run import recorded_run
-from treadline.run.resolve import resolve
 from treadline.scenario.chair import read_chair
-from treadline.scenario.scenario import DriveSettings, Scenario, Sensors, Start
-from treadline.vehicle.staircase import as_designed
+from treadline.vehicle.staircase import Staircase, as_designed
 from treadline.vehicle.static_stability import payload_com, payload_origin
 
 from .conftest import SCENARIO, TICKS, signals_of_a_run, stair_map, truth
@@ -50,18 +43,6 @@ def test_a_sink_and_a_log_give_the_same_recording(written: Written) -> None:
         assert (one.t_s, one.taken_s, one.nosings_W.tobytes()) == (other.t_s, other.taken_s, other.nosings_W.tobytes())
     assert (from_log.verdict, from_log.cause, from_log.seed) == ("held", "operator", 3)
     assert (from_log.limits.pitch_rate_rad_s, from_log.limits.belt_limit_m_s) == (0.4, 1.0)
-
-
-def test_columns_are_the_numbers_of_the_message_by_message_reader(written: Written) -> None:
-    """Test: an estimate with two sources, and a ground truth. Expected: every number and stamp to the bit."""
-    log = written(signals_of_a_run()) / "log.mcap"
-    columns = read_contents(log, {"/stair/heading/detail": ["heading_rad", "sigma_rad"], "/truth": ["chassis_x_m"]}).columns
-    estimates = [signal for signal in read_log(log) if isinstance(signal, HeadingEstimate)]
-    found = columns["/stair/heading/detail"]
-    assert found.t_s.tolist() == [estimate.t_s for estimate in estimates]
-    assert found.values.tolist() == [[estimate.heading_rad, estimate.sigma_rad] for estimate in estimates]
-    sample = [signal for signal in read_log(log) if isinstance(signal, Truth)][7]
-    assert columns["/truth"].values[7, 0] == sample.chassis_x_m
 
 
 def test_values_are_held_until_the_next_and_unknown_before_the_first() -> None:
@@ -109,31 +90,17 @@ def test_the_seat_angle_follows_from_the_seats_pitch(seat_deg: float, bank_deg: 
     np.testing.assert_allclose(rotation_of(recording.quat_WB[0]), R_WB, atol=1e-12)
 
 
-def test_pose_and_seat_angle_put_the_passenger_where_the_simulator_has_it() -> None:
-    plant = open_plant(SCENARIO, 3)
-    builder = RecordingBuilder(read_chair("wheelchair"), SCENARIO, seed=3)
-    plant.start()
-    plant.write(TrackCommand(t_s=0.0, left_m_s=0.1, right_m_s=0.3), SeatCommand(t_s=0.0, rate_m_s=0.02))
-    plant.advance(0.5)
-    for sample in plant.truth():
-        builder(sample, sample.t_s)
-    plant.close()
-    recording = builder.build()
-    origin = np.array(payload_origin(recording.chair, SCENARIO.chair))
-    com = np.array(payload_com(recording.chair, SCENARIO.chair))
+def test_pose_seat_angle_and_stair_are_those_of_the_simulator(driven: tuple[Recording, Staircase]) -> None:
+    """Test: a stair with jitter, and a chair whose seat moves. Expected: the passenger where the simulator has it; its nosings."""
+    recording, staircase = driven
+    loading = recording.scenario.chair
+    origin, com = np.array(payload_origin(recording.chair, loading)), np.array(payload_com(recording.chair, loading))
     for k in (0, 20, len(recording.t_s) - 1):
         in_chair = origin + rotation_y(recording.seat_rad[k]) @ com
         place = recording.p_WB[k] + rotation_of(recording.quat_WB[k]) @ in_chair
         np.testing.assert_allclose(place, recording.passenger_W[k], atol=1e-9)  # arcsine and back of 1 m: rounding
-
-
-def test_the_stair_of_a_recording_is_the_one_of_the_plant() -> None:
-    """Test: a stair with jitter. Expected: the plant's nosings; another seed gives others."""
-    plant = open_plant(SCENARIO, 3)
-    staircase = built(signals_of_a_run()).staircase
-    np.testing.assert_array_equal(staircase.nosings_W, plant.staircase.nosings_W)
+    np.testing.assert_array_equal(recording.staircase.nosings_W, staircase.nosings_W)
     assert not np.array_equal(staircase.nosings_W, as_designed(SCENARIO.stair).nosings_W)
-    plant.close()
 
 
 def test_a_log_without_ground_truth_gives_signals_and_says_so(written: Written) -> None:
@@ -237,18 +204,3 @@ def test_a_turning_chair_that_follows_its_slower_belt_does_not_slip() -> None:
     level = {"yaw_rad": 0.0, "pitch_rad": 0.0, "roll_rad": 0.0, "left_m_s": 0.1, "right_m_s": 0.3}
     found = built([(replace(truth(k), chassis_x_m=0.001 * k, **level), 0.01 * k) for k in range(200)]).slip
     np.testing.assert_allclose(found[40:], 0.0, atol=1e-9)
-
-
-def test_a_log_without_its_folder_is_the_run_of_its_folder(tmp_path: Path) -> None:
-    """Test: the log of a run, copied elsewhere. Expected: scenario, seed, limits and signals as from the run folder."""
-    scenario = Scenario(
-        start=Start(place="flight", step=4), drive=DriveSettings(duration_s=0.3, check=False), sensors=Sensors(camera="statistical")
-    )
-    recorded_run(tmp_path / "run", resolve(scenario, None, 7))
-    bare = tmp_path / "copied.mcap"
-    bare.write_bytes((tmp_path / "run" / LOG).read_bytes())
-    whole, alone = read_recording(tmp_path / "run"), read_recording(bare)
-    assert alone.scenario == whole.scenario == scenario
-    assert (alone.seed, alone.limits, alone.missing) == (7, whole.limits, ())
-    np.testing.assert_array_equal(alone.p_WB, whole.p_WB)
-    assert alone.staircase is not None

@@ -38,11 +38,13 @@ class Transcript:
 
     def check(self, title: str, played: list[str]) -> None:
         """Compare a session with what was played; ``TREADLINE_ACCEPT=1`` writes it into the file instead."""
+        before = self.sessions.get(title, [])
         if os.environ.get("TREADLINE_ACCEPT"):
-            before, after = ("\n".join([f"--- {title}", *lines]).rstrip() + "\n" for lines in (self.sessions[title], played))
-            self.path.write_text(self.path.read_text(encoding="utf-8").replace(before, after), encoding="utf-8")
+            old, new = ("\n".join([f"--- {title}", *lines]).rstrip() + "\n" for lines in (before, played))
+            text = self.path.read_text(encoding="utf-8")
+            self.path.write_text(text.replace(old, new) if title in self.sessions else f"{text}\n{new}", encoding="utf-8")
         else:
-            assert played == self.sessions[title]
+            assert played == before
 
 
 Tables = dict[str, Any]
@@ -67,7 +69,7 @@ def write_series(folder: Path, start_deg: float) -> None:
         "y_m": 0.001 * t,
         "friction_use": np.full_like(t, 0.86),
     }
-    folder.mkdir(parents=True)
+    folder.mkdir(parents=True, exist_ok=True)
     rows = np.column_stack(list(columns.values()))
     lines = [",".join(columns), *(",".join(f"{value:.6g}" for value in row) for row in rows)]
     (folder / "series.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
@@ -101,17 +103,29 @@ def write_reproduction(folder: Path, results: Tables) -> Path:
     return folder
 
 
+HOLD = {"t_s": 1.5, "name": "hold", "cause": "no command for 0.5 s"}
+
+
 @pytest.fixture
 def run_folder(tmp_path: Path) -> Path:
     """Return the folder of one run."""
-    folder = tmp_path / "run"
+    return write_run(tmp_path / "run")
+
+
+def write_run(
+    folder: Path,
+    *,
+    events: Sequence[Mapping[str, Any]] = (HOLD,),
+    settings: Mapping[str, Any] | None = None,
+    command: str = "treadline climb paper-28",
+    **result: Any,
+) -> Path:
+    """Write the folder of a run with a log of one second; ``result`` changes its scores."""
     write_series(folder, 10.0)
-    event = {"t_s": 1.5, "name": "hold", "cause": "no command for 0.5 s"}
-    write_log(folder, events=[event])
-    result = {"verdict": "held", "cause": "no command", "rms_heading_deg": 1.234, "events": [event], "settle_s": None}
-    settings = {"stair": {"slope_deg": 28.0, "steps": 10}}
-    manifest = {"settings": settings, "seed": 3, "command": "treadline climb paper-28"}
-    (folder / "result.json").write_text(json.dumps(result), encoding="utf-8")
+    write_log(folder, events=events)
+    scored = {"verdict": "held", "cause": "no command", "rms_heading_deg": 1.234, "events": [*events], "settle_s": None}
+    manifest = {"settings": settings or {"stair": {"slope_deg": 28.0, "steps": 10}}, "seed": 3, "command": command}
+    (folder / "result.json").write_text(json.dumps(scored | result), encoding="utf-8")
     (folder / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
     return folder
 

@@ -9,14 +9,13 @@ import pytest
 from publish import BEGIN, END, published, published_of, with_table
 
 from treadline.core.errors import SettingsError
-from treadline.report._results import Moves, Results
-from treadline.report.comparison import answer, comparisons, moves_text
+from treadline.report._results import Results
+from treadline.report.comparison import answer, comparisons
 
 from .conftest import Transcript
 
 Tables = dict[str, Any]
 ROOT = Path(__file__).parents[2]
-MOVES = {"unit": "m", "conditions": "from +30°, one seed", "step": 0.001, "stiffness": 0.0042, "friction": 0.013}
 TRANSCRIPT = Transcript(Path(__file__).with_name("comparison.txt"))
 
 
@@ -73,29 +72,6 @@ def test_fewer_than_five_seeds_and_quick_runs_are_not_published(results: Tables,
     file.write_text(json.dumps(results | {"quick": True}), encoding="utf-8")
     with pytest.raises(SettingsError, match="a quick reproduction is not published"):
         published_of(tmp_path)
-
-
-# ---- sensitivity ----
-
-
-@pytest.mark.parametrize(
-    ("changes", "says"),
-    [
-        ({}, "±0.001 m with step size, ±0.0042 m with stiffness, ±0.013 m with friction ±20 % (from +30°, one seed)"),
-        (
-            {"friction": None, "lost": ["friction -20 %"], "exceeded": ["friction"], "missed": ["step 1 ms"], "conditions": ""},
-            "±0.001 m with step size, ±0.0042 m with stiffness; no figure with friction -20 %; "
-            "margin exceeded with friction; target missed with step 1 ms",
-        ),
-        ({"step": None, "stiffness": None, "friction": None, "lost": ["step 1 ms"]}, "no figure with step 1 ms"),
-        (
-            {"step": 4.7e-05, "stiffness": 148.2, "friction": 0.0, "conditions": ""},
-            "±0.000 m with step size, ±148 m with stiffness, ±0.000 m with friction ±20 %",
-        ),
-    ],
-)
-def test_moves_are_written_with_their_units(changes: Tables, says: str) -> None:
-    assert moves_text(Moves.model_validate(MOVES | changes)) == says
 
 
 # ---- headline figures of README and evidence ----

@@ -1,43 +1,34 @@
 """The player: its numbers are the recording's, and it opens and plays in a browser without a request."""
 
-import base64
 import re
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from page_text import unpacked
 
-from treadline.core.signals import Event
 from treadline.playback import Recording, findings_of
 from treadline.report._html import packed, packed_indices
 from treadline.report._player_data import creases, scene_of, uniform
 from treadline.report.answers import moments_of
-from treadline.report.player_page import player_data, player_page, write_player
+from treadline.report.player_page import write_player
 from treadline.scenario.chair import read_chair
-from treadline.scenario.faults import Fault
 from treadline.scenario.scenario import Chair
 from treadline.vehicle.appearance import body_poses, chair_parts
 from treadline.vehicle.appearance._mesh import box, cylinder
 
-from .conftest import HOSTILE, Browser, climbing
+from .conftest import Browser, climbing
+from .pages import held
 
 # Literals, so that a changed value in the code is detected here.
 MOST_SAMPLES = 40000
 
 MOST_BYTES = 5_000_000
 """Largest page of a traversal of 50 s (issue's bound)."""
-
-
-def unpacked(value: dict[str, Any]) -> np.ndarray:
-    """Return the array of ``packed``, as the script of the page reads it."""
-    codes = np.frombuffer(base64.b64decode(value["data"]), "<i2").reshape(-1, value["columns"]).astype(float)
-    table = np.array(value["low"]) + np.array(value["step"]) * (codes + 32767)
-    return np.where(codes == -32768, np.nan, table)
 
 
 @given(st.lists(st.floats(-100.0, 100.0) | st.just(float("nan")), min_size=1, max_size=30))
@@ -78,44 +69,12 @@ def test_the_tables_of_moving_bodies_are_their_poses(recording: Recording) -> No
     assert {part["body"] for part in scene["parts"]} >= {part.body for part in chair_parts(chair, Chair())}
 
 
-def test_the_sixth_nosing_is_named_as_missed(recording: Recording) -> None:
-    first = player_data(recording)["maps"][0]
-    assert first["missed"] == [5]
-    assert first["text"].startswith("perceives 3 nosings: 5, 7–8 (the stair has 10); missed: 6")
-
-
 def test_the_key_moments_are_the_extremes_of_the_signals(recording: Recording) -> None:
     moments = moments_of(recording, findings_of(recording))
     least = next(moment for moment in moments if moment["label"].startswith("least tip-over margin"))
     # 12 - 4 at half a period of 2 rad/s: π/2 s. The chair's place is made up, so the direction is not asked for.
     assert re.fullmatch(r"least tip-over margin 8\.0°( \w+)? at 1\.57 s", least["label"])
     assert least["t"] == pytest.approx(np.pi / 2, abs=0.01)
-    assert next(moment for moment in moments if moment["kind"] == "missed")["label"].startswith("60 of 60 frames")
-    friction = next(moment["label"] for moment in moments if "friction use" in moment["label"])
-    # The friction of the scenario's steps along the belts, times the use of 80 %.
-    along = recording.scenario.stair.friction[0]
-    assert friction.endswith(f"friction below {0.8 * along:.2f} (here {along:g})")
-
-
-def test_the_recognition_of_the_crest_is_not_among_the_answers(recording: Recording) -> None:
-    """Test: a phase "crest" while the chassis stays on the slope. Expected: an event of the list, and no answer."""
-    data = player_data(recording)
-    assert any(event["name"] == "crest" for event in data["events"])
-    assert not any("crest" in moment["label"] or "tips over" in moment["label"] for moment in data["moments"])
-
-
-def held() -> Recording:
-    """Return a run that loses friction at 2 s and is held at 3 s, re-armed at 4 s."""
-    run = climbing(cause="nosings in view")
-    fault = Fault(kind="low_friction", at_s=2.0, for_s=3.0, value=0.35)
-    events = (
-        *run.events,
-        Event(t_s=3.0, name="hold", cause="rolled back 0.26 m"),
-        Event(t_s=4.0, name="rearmed", cause="attendant"),
-    )
-    use = np.where(run.t_s < 2.0, 0.8, 2.3)
-    scenario = run.scenario.model_copy(update={"fault": (fault,)})
-    return replace(run, events=events, scenario=scenario, friction_use=use)
 
 
 def test_a_long_run_is_decimated_and_gaps_of_a_bag_get_equal_steps(recording: Recording) -> None:
@@ -128,12 +87,6 @@ def test_a_long_run_is_decimated_and_gaps_of_a_bag_get_equal_steps(recording: Re
     assert len(uniform(gap).t_s) == 600
 
 
-def test_text_of_a_log_cannot_leave_the_data(recording: Recording) -> None:
-    page = player_page(recording)
-    assert HOSTILE not in page
-    assert page.count("<script") == 2
-
-
 def test_the_page_is_small_and_names_no_host(tmp_path: Path) -> None:
     """Test: 50 s at 100 Hz, perceived ten times a second. Expected: within 5 MB; no address but the namespace-free page itself."""
     page = write_player(climbing(seconds=50.0), tmp_path / "run.html")
@@ -141,14 +94,6 @@ def test_the_page_is_small_and_names_no_host(tmp_path: Path) -> None:
     assert len(text.encode()) < MOST_BYTES
     assert not re.search(r"https?:|//[a-z]+\.", text)
     assert "default-src 'none'" in text
-
-
-def test_a_recording_without_poses_still_has_its_plots(recording: Recording) -> None:
-    unplaced = replace(recording, p_WB=np.full_like(recording.p_WB, np.nan), missing=("The log holds no pose.",))
-    data = player_data(unplaced)
-    assert data["scene"] is None
-    assert next(panel["title"] for panel in data["plots"]["panels"]) == "heading"
-    assert "The log holds no pose." in player_page(unplaced)
 
 
 # ---- in the browser ----

@@ -130,6 +130,9 @@ def test_a_log_without_its_folder_can_be_forked_as_the_folder(folder: Path, tmp_
     assert (orders[0].scenario, orders[0].seed) == (orders[1].scenario, orders[1].seed)
     assert isinstance(orders[0].controller, ControllerDesign)
     np.testing.assert_array_equal(orders[0].controller.K, orders[1].controller.K)
+    of_folder, of_log = (session.run for session in (whole, alone))
+    assert (of_log.scenario, of_log.seed, of_log.limits, of_log.missing) == (SHORT, 3, of_folder.limits, ())
+    np.testing.assert_array_equal(of_log.p_WB, of_folder.p_WB)
 
 
 COLOURS = ((250, 20, 20), (20, 250, 20), (20, 20, 250))
