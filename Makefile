@@ -11,7 +11,7 @@ PIP := $(BIN)/python tools/install.py --constraint $(LOCK)
 unexport PYTHONDONTWRITEBYTECODE
 
 # Tests of processes on the wall clock: they run while no other test needs the processor.
-REAL_TIME := tests/ros/test_zenoh.py tests/ros/test_pyzeros.py tests/hardware tests/guard/test_guard_watchdog.py
+REAL_TIME := tests/hardware tests/guard/test_guard_watchdog.py
 
 .PHONY: help setup lock reproduce quick publish test fast shapes slow test-ros1 test-ros2 test-gazebo test-browser firmware test-firmware check coverage format docs docs-serve schema dist clean
 
