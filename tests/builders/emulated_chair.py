@@ -1,7 +1,6 @@
 """Emulated chairs in processes of their own, and hosts that drive them through a link.
 
-Times are those of the emulator's clock, which a busy machine slows down; ``PACE`` leaves a busy host four times the box's 0.1 s.
-A ``Rig`` runs drives and host in turns, so that a busy machine changes nothing.
+Times are those of the emulator's clock. A ``Rig`` runs drives and host in turns, so that a busy machine changes nothing.
 """
 
 import re
@@ -21,10 +20,9 @@ from treadline.hardware.emulators._can import CanAxes
 from treadline.hardware.emulators._faults import Faults
 from treadline.hardware.emulators._firmware import Outputs, Readings
 from treadline.hardware.emulators._serial import SerialBox, Terminal
-from treadline.hardware.ports import BoxReading, DriveLimits, DriveState
+from treadline.hardware.ports import DriveLimits, DriveState
 from treadline.scenario.chair import read_chair
 
-PACE = 0.25
 PULLEY_M = 0.07
 LIMITS = DriveLimits(speed_m_s=1.0, acceleration_m_s2=4.0, watchdog_s=0.1, seat_m_s=0.06, flipper_rad_s=0.5)
 EVENT = re.compile(r"([\d.]+) s: (?:axis (\d) )?(\w+), newest command (-?\d+) ms old")
@@ -134,37 +132,3 @@ def emulator(port: Path, *options: object) -> Iterator[Heard]:
         yield chair
     finally:
         chair.end()
-
-
-def drive(
-    link: Any,
-    until: Callable[[list[DriveState]], bool],
-    *,
-    rearms: bool = True,
-    readings: list[BoxReading] | None = None,
-) -> list[DriveState]:
-    """Drive at 0.2 m/s, one command for each state, and re-arm a latched box after 20 states; return the states.
-
-    Args:
-        until: Ends the drive; sees the states so far, is called often.
-        readings: Receives all readings.
-    """
-    states: list[DriveState] = []
-    stood = 0
-
-    def is_done() -> bool:
-        nonlocal stood
-        new = link.poll()
-        if readings is not None:
-            readings.extend(new)
-        for state in filter(lambda reading: isinstance(reading, DriveState), new):
-            states.append(state)
-            stood = stood + 1 if state.latched else 0
-            if rearms and stood == 20:
-                link.rearm()
-                stood = 0
-            link.send(0.2, 0.2)
-        return until(states)
-
-    wait_for(is_done, within_s=120.0, pause_s=0.002)
-    return states

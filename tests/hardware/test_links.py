@@ -9,7 +9,7 @@ from types import SimpleNamespace
 from unittest.mock import Mock
 
 import pytest
-from emulated_chair import LIMITS, PACE, PULLEY_M, can_rig, drive, emulator, events_in
+from emulated_chair import LIMITS, PULLEY_M, can_rig
 from firmware_memory import HAS_COMPILER
 from processes import wait_for
 
@@ -22,7 +22,7 @@ import can
 import serial
 
 from treadline.core.errors import LinkError, SettingsError
-from treadline.core.signals import ImuSample, SeatReading
+from treadline.core.signals import ImuSample
 from treadline.hardware import _can_link, _serial_link
 from treadline.hardware._can_link import CanSimpleLink
 from treadline.hardware._frame import Present, frame_of
@@ -32,29 +32,7 @@ from treadline.hardware.emulators._faults import Faults
 from treadline.hardware.emulators._firmware import DriveBox, Inputs, Readings
 from treadline.hardware.emulators._serial import SOUND
 from treadline.hardware.emulators.camera import FrameFile
-from treadline.hardware.ports import BoxReading, DriveLink, DriveState, JointLink, StickReading
-
-
-def test_belts_joints_and_sensors_pass_a_serial_line(tmp_path: Path) -> None:
-    with emulator(tmp_path / "box", "serial", "--pace", PACE) as chair:
-        link = SerialLink(port=str(tmp_path / "box"), limits=LIMITS)
-        assert isinstance(link, DriveLink)
-        assert isinstance(link, JointLink)
-        readings: list[BoxReading] = []
-
-        def moved(states: list[DriveState]) -> bool:
-            link.move(0.02, 0.0)
-            return bool(states) and states[-1].left_m_s > 0.19 and states[-1].right_m_s > 0.19
-
-        drive(link, moved, readings=readings)
-        seats = [reading.stroke_m for reading in readings if isinstance(reading, SeatReading)]
-        assert seats[-1] > seats[0]
-        imu = next(reading for reading in readings if isinstance(reading, ImuSample))
-        assert sum(part**2 for part in imu.orientation) == pytest.approx(1.0, abs=1e-3)
-        assert sum(part**2 for part in imu.linear_acceleration_m_s2) ** 0.5 == pytest.approx(9.81, abs=0.5)
-        link.close()
-        link.close()
-        wait_for(lambda: events_in(chair.lines)[-1].cause == "STOPPED")
+from treadline.hardware.ports import BoxReading, DriveState, StickReading
 
 
 @pytest.fixture
@@ -196,22 +174,6 @@ def test_two_drives_with_one_id_are_named(tmp_path: Path) -> None:
     with pytest.raises(LinkError, match=r"two drives have the node id 1; set another one with odrivetool"):
         rig.run(1.0)
     rig.link.close()
-
-
-def test_a_can_bus_between_processes_carries_a_drive(tmp_path: Path) -> None:
-    port = 20_000 + sum(str(tmp_path).encode()) % 20_000
-    bus: dict[str, object] = {"interface": "udp_multicast", "channel": "239.74.163.2", "port": port, "fd": False}
-    try:
-        can.Bus(**bus).shutdown()
-    except (can.CanError, OSError):
-        pytest.skip("no multicast on this machine")
-    with emulator(tmp_path / "sensors", "can", "--udp-port", port) as chair:
-        drives, sensors = can_link(bus), SerialLink(port=str(tmp_path / "sensors"))
-        drive(drives, lambda _: sum(event.cause == "ARMED" for event in events_in(chair.lines)) >= 4)
-        wait_for(lambda: any(isinstance(reading, ImuSample) for reading in sensors.poll()))
-        drives.close()
-        sensors.close()
-        wait_for(lambda: events_in(chair.lines)[-1].cause != "ARMED")
 
 
 @pytest.mark.parametrize("error", [0x20, 0x40])  # CAN_ERR_ACK and CAN_ERR_BUSOFF of linux/can/error.h

@@ -39,8 +39,9 @@ def wire(*, ros1: bool) -> Iterator[Ends]:
 def ros2() -> Iterator[Ends]:
     rclpy, events = importlib.import_module("rclpy"), importlib.import_module("rclpy.experimental.events_executor")
     transport = importlib.import_module("treadline_ros2.transport").RclpyTransport
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     context = rclpy.Context()
-    rclpy.init(context=context, domain_id=101)
+    rclpy.init(context=context, domain_id=1 + os.getpid() % 99)
     executor = events.EventsExecutor(context=context)
     nodes = [rclpy.create_node(name, context=context) for name in ("first", "second")]
     for node in nodes:
