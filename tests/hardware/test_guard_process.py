@@ -106,11 +106,16 @@ def test_a_loop_that_is_killed_stops_the_chair(bench: Bench) -> None:
         ("error", "the plant braked by itself: overcurrent of the left motor"),
         ("restart", "the plant braked by itself: the box latched a stop"),
         ("right_report_reversed", "right track runs backwards: -0.10 m/s where 0.10 is expected"),
+        ({"dead_man": False, "speed": 1.0}, "operator stop"),
+        ({"dead_man": True, "stop": True, "speed": 1.0}, "operator stop"),
     ],
 )
-def test_a_fault_of_the_box_holds_and_is_named(driven: Bench, fault: str, said: str) -> None:
+def test_a_fault_of_the_box_and_the_persons_hand_hold_and_are_named(driven: Bench, fault: str | dict[str, Any], said: str) -> None:
     fault_s = time.monotonic()
-    driven.robot.broken(fault)
+    if isinstance(fault, str):
+        driven.robot.broken(fault)
+    else:
+        driven.robot.hold(**fault)
     assert driven.stopped(fault_s) <= 0.3
     assert said in driven.cause()
 
@@ -120,14 +125,6 @@ def test_an_unplugged_line_ends_the_run_with_its_cause(bench: Bench) -> None:
     assert bench.process.wait(60.0) == 2
     bench.host.end()
     assert "the line is unplugged" in bench.host.lines[-1]
-
-
-@pytest.mark.parametrize("hand", [{"dead_man": False, "speed": 1.0}, {"dead_man": True, "stop": True, "speed": 1.0}])
-def test_the_persons_hand_stops_the_chair(driven: Bench, hand: dict[str, Any]) -> None:
-    fault_s = time.monotonic()
-    driven.robot.hold(**hand)
-    assert driven.stopped(fault_s) <= 0.3
-    assert "operator stop" in driven.cause()
 
 
 def test_ctrl_c_stops_the_chair_and_keeps_the_log(bench: Bench) -> None:

@@ -3,8 +3,9 @@
 import os
 import signal
 import time
+from contextlib import ExitStack, closing
 from pathlib import Path
-from threading import Event, Thread, Timer
+from threading import TIMEOUT_MAX, Event, Thread, Timer
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
@@ -22,8 +23,7 @@ STARTED_BY = "TREADLINE_STARTED_BY"
 """Environment variable with the id of the process that a node must not outlive."""
 RECORDER_SPARE = 100
 """Queue length of a recorder [messages]: it keeps every image, however late."""
-WireName = Literal["ros1"]
-TransportName = Literal["inproc", WireName]
+TransportName = Literal["inproc", "ros1"]
 
 
 def node(
@@ -80,25 +80,18 @@ def node(
     setup.require_controller()
     config = setup.mission
     stop = stopping()
-    wire = wired(name, config, remappings)
-    wire.spare = RECORDER_SPARE if name == "recorder" else 1
-    try:
+    with ExitStack() as opened:
+        wire = opened.enter_context(closing(wired(name, config, remappings)))
+        wire.spare = RECORDER_SPARE if name == "recorder" else 1
         if name in driving_nodes(config.chair):
             compile_once()  # a node that compiles while the graph runs is silent for seconds, for which the guard holds
         made = node_of(name, config, plant=setup.open_plant, out=out, goals=wait)
+        if isinstance(made, PlantNode | RecorderNode):
+            opened.callback(made.close)
         if isinstance(made, PlantNode):
-            try:
-                t_s = run_plant(made, wire, stop=stop, pace=pace, duration_s=duration or setup.scenario.drive.duration_s)
-            finally:
-                made.close()
+            t_s = run_plant(made, wire, stop=stop, pace=pace, duration_s=duration or setup.scenario.drive.duration_s)
             return Answer(values={"node": name, "t_s": t_s}, summary=[f"plant: {t_s:.1f} s simulated"])
-        try:
-            NodeRunner(made, wire, clock=clock, patience_s=patience).run(stop)
-        finally:
-            if isinstance(made, RecorderNode):
-                made.close()
-    finally:
-        wire.close()
+        NodeRunner(made, wire, clock=clock, patience_s=patience).run(stop)
     lost, broken = dict(wire.inbox.lost), dict(wire.broken)
     summary = [f"{name}: done" + (f", lost {lost}" if lost else "") + (f", broken {broken}" if broken else "")]
     if isinstance(made, RecorderNode) and made.left_out is not None:
@@ -111,7 +104,7 @@ def record(
     /,
     *,
     out: Path,
-    transport: WireName = "ros1",  # noqa: ARG001 - the only one, which users name
+    transport: Literal["ros1"] = "ros1",  # noqa: ARG001 - the only one, which users name
     duration: float | None = None,
     scenario: str = "default",
     images: Annotated[bool, Parameter(negative="--no-images")] = True,
@@ -140,12 +133,9 @@ def record(
 
     make_way(out, force=force)
     config = resolve(scenario).mission
-    wire = wired("recorder", config)
-    wire.spare = RECORDER_SPARE
-    try:
+    with closing(wired("recorder", config)) as wire:
+        wire.spare = RECORDER_SPARE
         count, left_out = _listened(wire, out, duration, images=images)
-    finally:
-        wire.close()
     lost = dict(wire.inbox.lost)
     lines = [f"{out}: {count} signals" + (f"; lost {lost}" if lost else ""), *([] if left_out is None else [left_out])]
     return Answer(values={"out": str(out), "signals": count, "lost": lost}, summary=lines, code=0 if count else 1)
@@ -156,18 +146,15 @@ def _listened(wire: "WireTransport", out: Path, duration_s: float | None, *, ima
     from treadline.ros.node_process import NodeRunner
     from treadline.ros.recorder import RecorderNode
 
-    node = RecorderNode(out, 1.0 / paper.CONTROL_RATE_HZ, frames=images)
-    stop = stopping()
-    timer = Timer(duration_s, stop.set) if duration_s is not None else None
-    try:
+    with closing(RecorderNode(out, 1.0 / paper.CONTROL_RATE_HZ, frames=images)) as node:
+        stop = stopping()
+        timer = Timer(duration_s or TIMEOUT_MAX, stop.set)
         runner = NodeRunner(node, wire, patience_s=float("inf"))
-        if timer is not None:
-            timer.start()
-        runner.run(stop)
-    finally:
-        if timer is not None:
+        timer.start()
+        try:
+            runner.run(stop)
+        finally:
             timer.cancel()
-        node.close()
     return node.count, node.left_out
 
 
@@ -181,19 +168,16 @@ def _copied(log: Path, out: Path, *, force: bool) -> Answer:
     if out.resolve() == source.resolve():
         raise SettingsError(f"--out {out}: is the log itself; give another")
     make_way(out, force=force)
-    bag = open_bag(out)
     count = 0
+    with closing(open_bag(out)) as bag:
 
-    def write(signal: Any, taken_s: float | None = None) -> None:
-        nonlocal count
-        bag(signal, taken_s)
-        count += 1
+        def write(signal: Any, taken_s: float | None = None) -> None:
+            nonlocal count
+            bag(signal, taken_s)
+            count += 1
 
-    try:
         for taken_s, signal in recording.arrivals(write):
             write(signal, taken_s)
-    finally:
-        bag.close()
     dropped = dict(recording.dropped)
     lines = [f"{out}: {count} signals from {source}", *(f"  dropped {number}: {reason}" for reason, number in dropped.items())]
     return Answer(values={"out": str(out), "signals": count, "dropped": dropped}, summary=lines)
