@@ -101,10 +101,14 @@ class FloorBox:
         ]
 
     def send(self, left_m_s: float, right_m_s: float) -> None:
-        self.heard_s = time.monotonic()
-        if (left_m_s, right_m_s) != self.asked:
-            self.asked = (left_m_s, right_m_s)
+        if not math.isfinite(left_m_s + right_m_s):
+            return self.stop()
+        self.heard_s, most_m_s = time.monotonic(), self.limits.speed_m_s
+        asked = (max(-most_m_s, min(left_m_s, most_m_s)), max(-most_m_s, min(right_m_s, most_m_s)))
+        if asked != self.asked:
+            self.asked = asked
             self.log("send")
+        return None
 
     def hold(self) -> None:
         self.send(0.0, 0.0)
@@ -125,6 +129,7 @@ class FloorBox:
         del seat_m_s, flipper_rad_s
 
     def close(self) -> None:
+        self.stop()
         self.log("close")
 
     def log(self, what: str) -> None:

@@ -1,7 +1,6 @@
 """Emulated chairs in processes of their own, and hosts that drive them through a link.
 
-Times are those of the emulator's clock, which a busy machine slows down; ``PACE`` leaves a busy host four times the box's 0.1 s.
-``in_lockstep`` runs box and host in turns, so that a busy machine changes nothing.
+Times are those of the emulator's clock. A ``Rig`` runs drives and host in turns, so that a busy machine changes nothing.
 """
 
 import re
@@ -21,10 +20,9 @@ from treadline.hardware.emulators._can import CanAxes
 from treadline.hardware.emulators._faults import Faults
 from treadline.hardware.emulators._firmware import Outputs, Readings
 from treadline.hardware.emulators._serial import SerialBox, Terminal
-from treadline.hardware.ports import BoxReading, DriveLimits, DriveState
+from treadline.hardware.ports import DriveLimits, DriveState
 from treadline.scenario.chair import read_chair
 
-PACE = 0.25
 PULLEY_M = 0.07
 LIMITS = DriveLimits(speed_m_s=1.0, acceleration_m_s2=4.0, watchdog_s=0.1, seat_m_s=0.06, flipper_rad_s=0.5)
 EVENT = re.compile(r"([\d.]+) s: (?:axis (\d) )?(\w+), newest command (-?\d+) ms old")
@@ -54,6 +52,8 @@ class FlatChair:
 
     def __init__(self) -> None:
         self.ticks = 0
+        self.fastest: list[tuple[float, float]] = []
+        """Time, and the larger speed of both belts [m/s]."""
 
     @property
     def t_s(self) -> float:
@@ -61,63 +61,66 @@ class FlatChair:
 
     def step(self, outputs: Outputs) -> Readings:
         self.ticks += 1
+        self.fastest.append((self.t_s, max(map(abs, outputs.belts_um_s)) * 1e-6))
         return Readings(belts=tuple(round(speed / 100) for speed in outputs.belts_um_s))
 
 
-def in_lockstep(port: Path, faults: list[str], until_s: float, *, rearms: int = 1000) -> tuple[list[BoxEvent], list[DriveState]]:
-    """Drive a box at 0.2 m/s over a serial line with faults, one command for each state; return its events and states.
+class Rig:
+    """Link and drives, run in turns on the drives' clock, so that a busy machine changes nothing.
 
     Args:
-        rearms: Largest number of re-arms, each after 20 states of a latched box.
+        chair: Chair whose time advances at each step of the drives.
+        drives: Runs the drives for a tick; returns their lines.
+        poll: Returns the new states.
+        on_sent: Waits until what the link sent can be read.
     """
-    chair, given, terminal = FlatChair(), Faults(faults), Terminal(port)
-    box, link = SerialBox(chair, given, terminal), SerialLink(port=str(port), limits=LIMITS)
 
-    def states() -> list[Any]:
-        if given.active("unplugged", chair.t_s - TICK_S):
-            return []
-        return wait_for(link.poll, pause_s=0.0)
+    def __init__(self, chair: Any, link: Any, drives: Any, poll: Any, on_sent: Callable[[], object] = lambda: None) -> None:
+        self.chair, self.link, self._drives, self._poll, self._on_sent = chair, link, drives, poll, on_sent
+        self.states: list[DriveState] = []
+        self.events: list[BoxEvent] = []
 
-    found = _driven(
-        chair, box, link, states, lambda t_s, _: t_s >= until_s, rearms, lambda: select.select([terminal], [], [], 60.0)
-    )
-    terminal.close()
-    return found
+    def run(self, for_s: float, left_m_s: float = 0.2, right_m_s: float = 0.2, *, silent: bool = False) -> list[DriveState]:
+        """Send speeds, one command for each state, or nothing; return the states."""
+        first = len(self.states)
+        for _ in range(round(for_s / TICK_S)):
+            self.coast(TICK_S)
+            new = self._poll()
+            self.states += new
+            if new and not silent:
+                self.link.send(left_m_s, right_m_s)
+                self._on_sent()
+        return self.states[first:]
+
+    def coast(self, for_s: float) -> None:
+        """Run the drives alone."""
+        for _ in range(round(for_s / TICK_S)):
+            self.events += events_in([f"{self.chair.t_s:.2f} s: {line}" for line in self._drives()])
+
+    def arm(self) -> None:
+        """Re-arm, and stand for the rest of a second."""
+        self.run(0.3, 0.0, 0.0)
+        self.link.rearm()
+        self.run(0.7, 0.0, 0.0)
 
 
-def axes_in_lockstep(
-    port: Path, faults: list[str], until: Callable[[float, list[DriveState]], bool], *, rearms: int = 1000
-) -> tuple[list[BoxEvent], list[DriveState]]:
-    """Drive two axes on a bus of this process, as ``in_lockstep`` drives a box.
+def serial_rig(folder: Path, *faults: str) -> Rig:
+    """Return a box on a serial line."""
+    chair, given, terminal = FlatChair(), Faults(faults), Terminal(folder / "box")
+    box, link = SerialBox(chair, given, terminal), SerialLink(port=str(folder / "box"), limits=LIMITS)
 
-    Args:
-        until: Ends the drive; receives the time and the states so far.
-    """
-    chair, bus = FlatChair(), {"interface": "virtual", "channel": str(port)}
-    axes = CanAxes(chair, Faults(faults), Terminal(port), bus)
+    def poll() -> Any:
+        return [] if given.active("unplugged", chair.t_s - TICK_S) else wait_for(link.poll, pause_s=0.0)
+
+    return Rig(chair, link, lambda: list(box.step()), poll, lambda: select.select([terminal], [], [], 60.0))
+
+
+def can_rig(folder: Path, *faults: str) -> Rig:
+    """Return two axes on a bus of this process."""
+    chair, bus = FlatChair(), {"interface": "virtual", "channel": str(folder)}
+    axes = CanAxes(chair, Faults(faults), Terminal(folder / "sensors"), bus)
     link = CanSimpleLink(left_node=1, right_node=2, wheel_radius_m=PULLEY_M, limits=LIMITS, **bus)
-    return _driven(chair, axes, link, link.poll, until, rearms, lambda: None)
-
-
-def _driven(
-    chair: FlatChair, box: Any, link: Any, new_states: Any, until: Any, rearms: int, on_sent: Any
-) -> tuple[list[BoxEvent], list[DriveState]]:
-    lines, states, stood = list[str](), list[DriveState](), 0
-    try:
-        while not until(chair.t_s, states):
-            lines.extend(f"{chair.t_s:.2f} s: {line}" for line in box.step())
-            new = new_states()
-            states.extend(new)
-            stood = stood + len(new) if states and states[-1].latched else 0
-            if stood >= 20 and rearms > 0:
-                link.rearm()
-                stood, rearms = 0, rearms - 1
-            if new:
-                link.send(0.2, 0.2)
-                on_sent()
-    finally:
-        link.close()
-    return events_in(lines), states
+    return Rig(chair, link, lambda: list(axes.step()), link.poll)
 
 
 @contextmanager
@@ -129,37 +132,3 @@ def emulator(port: Path, *options: object) -> Iterator[Heard]:
         yield chair
     finally:
         chair.end()
-
-
-def drive(
-    link: Any,
-    until: Callable[[list[DriveState]], bool],
-    *,
-    rearms: bool = True,
-    readings: list[BoxReading] | None = None,
-) -> list[DriveState]:
-    """Drive at 0.2 m/s, one command for each state, and re-arm a latched box after 20 states; return the states.
-
-    Args:
-        until: Ends the drive; sees the states so far, is called often.
-        readings: Receives all readings.
-    """
-    states: list[DriveState] = []
-    stood = 0
-
-    def is_done() -> bool:
-        nonlocal stood
-        new = link.poll()
-        if readings is not None:
-            readings.extend(new)
-        for state in filter(lambda reading: isinstance(reading, DriveState), new):
-            states.append(state)
-            stood = stood + 1 if state.latched else 0
-            if rearms and stood == 20:
-                link.rearm()
-                stood = 0
-            link.send(0.2, 0.2)
-        return until(states)
-
-    wait_for(is_done, within_s=120.0, pause_s=0.002)
-    return states

@@ -5,17 +5,32 @@ from typing import Any
 
 from rosbags.highlevel import AnyReader
 
+from treadline.core.camera_images import PinholeCamera
 from treadline.ros import channels as on
 from treadline.ros._codec import encoded
 from treadline.ros.wire import WireTransport
 
 
 class Air(WireTransport):
-    """Transport without a network; ``kinds`` are the types of the topics that somebody publishes."""
+    """Transport without a network.
 
-    def __init__(self, kinds: dict[str, str] | None = None) -> None:
-        super().__init__()
-        self.kinds = kinds or {}
+    Args:
+        kinds: Types of the topics that somebody publishes.
+        nodes: Transports that hear each other; this one joins them.
+    """
+
+    def __init__(
+        self,
+        kinds: dict[str, str] | None = None,
+        *,
+        nodes: "list[Air] | None" = None,
+        mount: PinholeCamera | None = None,
+        ros1: bool = False,
+    ) -> None:
+        super().__init__(mount)
+        self.ros1, self.kinds, self._nodes = ros1, kinds or {}, [] if nodes is None else nodes
+        if nodes is not None:
+            nodes.append(self)
         self.sent: list[tuple[str, Any]] = []
         """What was published: channel and signal."""
         self.topics: set[str] = set()
@@ -26,6 +41,10 @@ class Air(WireTransport):
         super().publish(channel, signal)
         self.sent.append((channel, signal))
 
+    def close(self) -> None:
+        """Hear nothing any more."""
+        self._nodes.remove(self)
+
     def say(self, channel: str, signal: Any) -> None:
         """Put a signal into the inbox, as another node would."""
         for topic, _, data in encoded(channel, signal, ros1=False):
@@ -35,7 +54,9 @@ class Air(WireTransport):
         pass
 
     def _send(self, topic: str, data: bytes) -> None:
-        pass
+        for node in self._nodes:
+            if topic in node.topics:
+                node.inbox.put(topic, data)
 
     def _receive(self, topic: str, kind: str, depth: int) -> None:  # noqa: ARG002 - the signature of the transport
         self.topics.add(topic)

@@ -9,9 +9,7 @@ from firmware_memory import HAS_COMPILER, first_difference, memory_of
 from hypothesis import given
 from hypothesis import strategies as st
 
-from treadline.core.errors import LinkError
 from treadline.hardware._frame import (
-    VERSION,
     Cause,
     FrameReader,
     HostMessage,
@@ -55,11 +53,6 @@ def test_a_half_frame_costs_no_other_frame() -> None:
     assert list(reader.feed(sound + sound[:4] + b"\0" + sound)) == [b"sound", b"sound"]
     assert reader.broken == 1
     assert [*reader.feed(b"\x55" * 100_000), *reader.feed(b"\0" + sound)] == [b"sound"]
-
-
-def test_another_version_is_named_with_its_remedy() -> None:
-    with pytest.raises(LinkError, match=r"version 2 .* version 1; write the firmware of the same release"):
-        state_of(bytes([VERSION + 1]) + bytes(76))
 
 
 @compiled

@@ -4,6 +4,7 @@ import os
 import struct
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -16,26 +17,11 @@ from treadline.hardware.ports import StickReading
 Typing = Callable[[str, float], tuple[bool, bool, float, float]]
 
 
-class Clock:
-    """Time of the handset in the hand of the test."""
-
-    def __init__(self) -> None:
-        self.now_s = 100.0
-
-    def monotonic(self) -> float:
-        return self.now_s
-
-
 @pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
-    made = Clock()
-    monkeypatch.setattr(_handset, "time", made)
-    return made
-
-
-@pytest.fixture
-def typing(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> Iterator[Typing]:
+def typing(monkeypatch: pytest.MonkeyPatch) -> Iterator[Typing]:
     """Return a hand on a keyboard: keys that are typed ``after_s`` later, and their repeat, to what is reported then."""
+    clock = SimpleNamespace(now_s=100.0, monotonic=lambda: clock.now_s)
+    monkeypatch.setattr(_handset, "time", clock)
     keys, end = os.pipe()
     monkeypatch.setattr(os, "isatty", lambda _: True)
     keyboard = Keyboard(keys)

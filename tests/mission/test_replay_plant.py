@@ -74,11 +74,6 @@ def test_only_what_is_due_is_taken_from_the_log() -> None:
     assert len(taken) == 11
 
 
-def test_a_sample_in_the_chairs_axes_passes_untouched() -> None:
-    sample = imu(0.0)
-    assert played(ReplayPlant(on_time([sample])), 1) == [[sample]]
-
-
 def test_an_imu_in_the_cameras_axes_is_turned_into_the_chairs() -> None:
     camera = PinholeCamera(width_px=2, height_px=2, fx_px=1.0, fy_px=1.0, cx_px=0.5, cy_px=0.5, mount_pitch_rad=40 * DEG)
     R_WB = rotation_z(0.3) @ rotation_y(-28 * DEG)

@@ -1,5 +1,6 @@
-"""Contract of every simulated plant: determinism, sensors at their rates and in order, ground truth apart, commands obeyed.
+"""Contract of every plant: readings once, in order, on time; of simulators also determinism, sensor rates, ground truth, motion.
 
+A recording repeats a simulator's run; the chair behind the guard process has a clock of the test and reports of an inertial sensor.
 Gazebo's half needs its environment: ``make test-gazebo`` runs it.
 """
 
@@ -7,15 +8,20 @@ import math
 import os
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
+from world import imu
 
 from treadline.core.angles import DEG
 from treadline.core.errors import SimulationDiverged
-from treadline.core.ports import Reading, TruthPlant
+from treadline.core.ports import Plant, Reading, TruthPlant
 from treadline.core.rotations import attitude_of, rotation_of
 from treadline.core.signals import (
+    ROUNDING_S,
+    TICK_S,
     FlipperCommand,
     FlipperReading,
     HeadingMeasurement,
@@ -25,9 +31,11 @@ from treadline.core.signals import (
     TrackCommand,
     TrackReading,
 )
+from treadline.hardware._robot_plant import RobotPlant
+from treadline.mission.replay_plant import ReplayPlant
 from treadline.plant.gazebo import open_gazebo
-from treadline.plant.mujoco import open_plant
-from treadline.scenario.scenario import Chair, Control, Realism, Scenario, Stair, Start
+from treadline.plant.mujoco import MujocoPlant, open_plant
+from treadline.scenario.scenario import Chair, Control, Realism, Scenario, Sensors, Stair, Start
 from treadline.vehicle.staircase import as_designed
 
 Opened = Callable[..., TruthPlant]
@@ -39,12 +47,15 @@ def started(request: pytest.FixtureRequest) -> Iterator[Opened]:
     """Return what opens a plant on a flight of 28°, at its start; all are closed at the end."""
     with ExitStack() as stack:
 
-        def start(seed: int = 3, *, mismatch: float = 0.01, heading_deg: float = 5.0, along: float = 0.62) -> TruthPlant:
+        def start(
+            seed: int = 3, *, mismatch: float = 0.01, heading_deg: float = 5.0, along: float = 0.62, sensors: Sensors | None = None
+        ) -> TruthPlant:
             scenario = Scenario(
                 stair=Stair(rise_m=0.30 * math.tan(28.0 * DEG), walls="none", width_m=4.0, friction=(along, 0.5)),
                 chair=Chair(belt_mismatch=mismatch),
                 start=Start(place="flight", step=6, heading_deg=heading_deg),
                 control=Control(vision="truth"),
+                sensors=sensors or Sensors(),
                 realism=Realism(camera_latency_s=0.0, camera_jitter_s=0.0, camera_drop_rate=0.0),
             )
             plant: TruthPlant = request.param(scenario, seed)
@@ -74,6 +85,84 @@ def printed(readings: list[Reading]) -> list[str]:
         for r in readings
         if not hasattr(r, "nosings_B")
     ]
+
+
+def recorded(start: Opened) -> Plant:
+    """Return the run of a simulator as a recording."""
+    plant = ReplayPlant([(reading.t_s, reading) for reading in climb(start(), 2.0)])
+    plant.start()
+    return plant
+
+
+class GuardReports:
+    """Reports of the guard process: an inertial sensor at 100 Hz, each sample 4 ms late, on a clock that sleeping moves."""
+
+    def __init__(self) -> None:
+        self.now_s, self.sent, self.waiting, self.holding = 50.0, 0, list[ImuSample](), None
+        self.called: list[str] = []
+
+    def sleep(self, for_s: float) -> None:
+        self.now_s += for_s
+
+    def receive(self) -> None:
+        while TICK_S * self.sent + 0.004 <= self.now_s - 50.0:
+            self.waiting.append(imu(TICK_S * self.sent))
+            self.sent += 1
+
+    def readings(self, until_s: float) -> list[ImuSample]:
+        taken = [sample for sample in self.waiting if sample.t_s <= until_s]
+        self.waiting = self.waiting[len(taken) :]
+        return taken
+
+    def hold(self, cause: str) -> None:
+        self.called.append(cause)
+
+    def close(self) -> None:
+        self.called.append("close")
+
+
+def real(monkeypatch: pytest.MonkeyPatch) -> RobotPlant:
+    client = GuardReports()
+    clock = SimpleNamespace(monotonic=lambda: client.now_s, sleep=client.sleep)
+    monkeypatch.setattr("treadline.hardware._robot_plant.time", clock)
+    plant = RobotPlant(client, 50.0)  # type: ignore[arg-type]
+    plant.start()
+    return plant
+
+
+@pytest.mark.parametrize("kind", ["simulated", "recorded", "real"])
+def test_each_reading_comes_once_in_order_and_none_from_the_future(
+    started: Opened, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Test: two seconds, tick by tick, commands with and without a flipper's. Expected result: also nothing at a second read."""
+    plant: Plant = {"simulated": started, "recorded": lambda: recorded(started), "real": lambda: real(monkeypatch)}[kind]()
+    newest: dict[type, float] = {}
+    for tick in range(200):
+        plant.advance(TICK_S * tick)
+        for reading in plant.read():
+            assert newest.get(type(reading), -1.0) < reading.t_s <= TICK_S * tick + ROUNDING_S
+            newest[type(reading)] = reading.t_s
+        assert not plant.read()
+        flipper: tuple[Any, ...] = (FlipperCommand(t_s=TICK_S * tick, rate_rad_s=0.1),) if tick % 2 else ()
+        command = TrackCommand(t_s=TICK_S * tick, left_m_s=0.2, right_m_s=0.2)
+        plant.write(command, SeatCommand(t_s=TICK_S * tick, rate_m_s=0.0), *flipper)
+    assert newest[ImuSample] >= 1.97  # the sensor on the robot is 4 ms late
+
+
+def test_a_recording_of_a_plant_reads_as_the_plant_did(started: Opened) -> None:
+    plant = recorded(started)
+    plant.advance(2.0)
+    assert printed(list(plant.read())) == printed(climb(started(), 2.0))
+
+
+def test_a_robot_is_waited_for_and_its_brake_reaches_the_guard_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    plant = real(monkeypatch)
+    client: Any = plant._client
+    plant.advance(1.0)
+    assert client.now_s == pytest.approx(51.0, abs=0.003)
+    plant.brake()
+    plant.close()
+    assert client.called == ["the loop stood still", "close"]
 
 
 def test_the_same_seed_gives_the_same_bits_and_another_does_not(started: Opened) -> None:
@@ -119,6 +208,17 @@ def test_every_sensor_reports_at_its_rate_from_zero_and_in_time_order(started: O
         np.testing.assert_allclose(times, period_s * np.arange(round(2.0 / period_s) + 1), atol=1e-9)
     stamps = [reading.t_s for reading in readings]
     assert stamps == sorted(stamps)
+
+
+def test_an_ideal_imu_reports_ground_truth(started: Opened) -> None:
+    plant = started(sensors=Sensors(imu="ideal"))
+    samples = [reading for reading in climb(plant, 2.0, stride_s=2.0) if isinstance(reading, ImuSample)]
+    rates = [sample.angular_velocity_rad_s[1] for sample in samples]
+    np.testing.assert_allclose(rates, [-sample.pitch_rate_rad_s for sample in plant.truth()], atol=1e-12)
+    forces = [float(np.linalg.norm(sample.linear_acceleration_m_s2)) for sample in samples]
+    # At rest the specific force is gravity alone; half a percent is what settling leaves. Contacts of ODE creep and jump.
+    force, share = (forces[0], 5e-3) if isinstance(plant, MujocoPlant) else (np.mean(forces), 0.02)
+    assert force == pytest.approx(9.81, rel=share)
 
 
 def test_a_mismatched_belt_is_seen_by_truth_and_not_by_the_drive(started: Opened) -> None:

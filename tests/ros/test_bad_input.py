@@ -15,7 +15,7 @@ from wires import Air
 from world import limits
 
 from treadline.cli import doctor, main
-from treadline.core.errors import TreadlineError
+from treadline.core.errors import SettingsError, TreadlineError
 from treadline.core.signals import PlantState, SeatReading, VelocityCommand
 from treadline.mission.mission_blocks import build_blocks, guard_config
 from treadline.mission.mission_config import MissionConfig
@@ -24,13 +24,13 @@ from treadline.ros import channels as on
 from treadline.ros import node_process as process
 from treadline.ros import ros1
 from treadline.ros._node_signals import Clock, GuardState
+from treadline.ros.assembly import node_of
 from treadline.ros.block_nodes import GuardNode, SeatNode
 from treadline.ros.lockstep import InProcess
 from treadline.ros.node_process import NodeRunner, run_plant
 from treadline.ros.plant_node import PlantNode
 from treadline.ros.wire import Inbox
 from treadline.scenario.chair import read_chair
-from treadline.scenario.shipped_files import CHAIRS
 
 
 class Bench(ReplayPlant):
@@ -49,34 +49,28 @@ def seat() -> SeatNode:
     return SeatNode(blocks.leveller, guard_config(config, blocks.driver.period_s))
 
 
-def line(capsys: Any, *words: str) -> str:
-    assert main(list(words)) == 2
-    lines = capsys.readouterr().err.splitlines()
-    assert len(lines) == 1
-    return lines[0]
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        ("node guard --transport ros1", "--transport ros1 needs rospy, which is not installed: apt-get install ros-core"),
-        ("nodes --transport zenoh", "--transport zenoh needs zenoh, which is not installed: pip install '.[ros]' in "),
-        ("node guard --transport inproc", ".*treadline nodes runs all in one process"),
-    ],
-)
-def test_a_transport_that_cannot_be_used(
-    capsys: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, words: str, said: str
+def test_without_ros_1_or_gazebo_a_line_and_the_doctor_say_what_to_install(
+    capsys: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    for module in ("rospy", "zenoh"):
-        monkeypatch.setitem(sys.modules, module, None)
+    find = doctor.util.find_spec
+    monkeypatch.setattr(doctor.util, "find_spec", lambda name: None if name == "rospy" else find(name))
     monkeypatch.setattr(ros1, "DEBIAN", tmp_path / "none")
-    assert re.match(f"treadline: {said.replace('[', '.')}", line(capsys, *words.split()))
+    monkeypatch.setenv("TREADLINE_GAZEBO", str(tmp_path))
+    monkeypatch.setitem(sys.modules, "rospy", None)
+    assert main(["node", "guard"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("treadline: --transport ros1 needs rospy, which is not installed: apt-get install ros-core")
+    assert main(["doctor", "--json"]) == 0  # the rest does without
+    parts = {part["name"]: part for part in json.loads(capsys.readouterr().out)["parts"]}
+    assert parts["rospy"]["remedy"].startswith("apt-get install ros-core")
+    assert parts["Gazebo"]["remedy"].startswith("no Gazebo 11 in ")
 
 
-def test_an_unknown_node(capsys: Any) -> None:
-    pytest.importorskip("zenoh", reason="eclipse-zenoh is an extra (treadline[ros])")
-    printed = line(capsys, "node", "gard", "--endpoint", "tcp/127.0.0.1:17491")
-    assert printed == "treadline: no node is called 'gard'; there are: guard, camera, heading, seat, driver, plant, recorder"
+def test_an_unknown_node() -> None:
+    with pytest.raises(
+        SettingsError, match="no node is called 'gard'; there are: guard, camera, heading, seat, driver, plant, rec"
+    ):
+        node_of("gard", MissionConfig(chair=read_chair("wheelchair"), loop="open"))
 
 
 @pytest.mark.parametrize(
@@ -168,16 +162,6 @@ def test_a_guard_without_a_plant_waits_and_says_for_what(capsys: Any) -> None:
     assert all(command.brake for channel, command in air.sent if channel == on.TRACKS_CMD)
 
 
-@pytest.mark.parametrize("key", ["max_speed_m_s", "max_rate_m_s", "max_rate_deg_s"])
-def test_a_chair_file_without_a_speed_limit_moves_nothing(capsys: Any, tmp_path: Path, key: str) -> None:
-    """Test: each limit that the last guard needs is missing in the chair file. Expected result: one line names the key."""
-    text = "".join(row for row in (CHAIRS / "wheelchair.toml").read_text().splitlines(keepends=True) if not row.startswith(key))
-    (tmp_path / "mine.toml").write_text(text)
-    (tmp_path / "scenario.toml").write_text('[chair]\nmodel = "mine.toml"\n')
-    printed = line(capsys, "node", "guard", str(tmp_path / "scenario.toml"), "--endpoint", "tcp/127.0.0.1:17492")
-    assert key in printed
-
-
 def test_a_guard_that_is_never_ready() -> None:
     node = PlantNode(ReplayPlant([]), limits())
     with pytest.raises(TreadlineError, match=r"^plant: the guard is not ready after 0 s: not heard; start the missing nodes$"):
@@ -222,18 +206,3 @@ def test_a_node_that_stays_behind_is_waited_for_and_then_given_up() -> None:
     peers.receive(process.Beat(t_s=10.0, node="camera"))
     assert not peers.keep_waiting(10.03, 0.0)
     assert peers.keep_waiting(10.5, 0.0)
-
-
-def test_the_doctor_says_what_to_do_for_each_wire_and_simulator_that_is_missing(
-    capsys: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    find = doctor.util.find_spec
-    monkeypatch.setattr(doctor.util, "find_spec", lambda name: None if name in ("rospy", "zenoh") else find(name))
-    monkeypatch.setattr(ros1, "DEBIAN", tmp_path / "none")
-    monkeypatch.setenv("TREADLINE_GAZEBO", str(tmp_path))
-    assert main(["doctor", "--json"]) == 0  # the rest does without
-    parts = {part["name"]: part for part in json.loads(capsys.readouterr().out)["parts"]}
-    assert parts["rospy"]["remedy"].startswith("apt-get install ros-core")
-    assert parts["eclipse-zenoh"]["remedy"] == "pip install '.[ros]'"
-    assert parts["Gazebo"]["remedy"].startswith("no Gazebo 11 in ")
-    assert not any(parts[name]["installed"] for name in ("rospy", "eclipse-zenoh", "Gazebo"))

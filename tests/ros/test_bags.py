@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
 
 from treadline.cli import main
 from treadline.io.message_types import message_of, stamped_s
@@ -82,22 +84,13 @@ def test_the_recorder_leaves_a_record_for_identification(run: Path) -> None:
 @pytest.mark.parametrize("kind", ["mcap", "bag", "db3"])
 def test_a_drive_is_recorded_with_what_viewers_need_to_place_it(run: Path, tmp_path: Path, kind: str) -> None:
     """Test: the recorder's own file in somebody else's reader. Expected result: odometry, its frame and the sensors' places."""
-    from rosbags.highlevel import AnyReader
-    from rosbags.typesys import Stores, get_typestore
-
     bag = tmp_path / f"drive.{kind}"
     treadline("nodes", run.parent / "short.toml", "--duration", "1.0", "--out", bag)
-    if kind == "mcap":
-        from mcap.reader import make_reader
-
-        with bag.open("rb") as file:
-            topics = {channel.topic: schema.name for schema, channel, _ in make_reader(file).iter_messages()}
-    else:
-        with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
-            topics = {connection.topic: connection.msgtype for connection, _, _ in reader.messages()}
-            moved = [reader.deserialize(data, c.msgtype) for c, _, data in reader.messages() if c.topic == "/odom"]
-        assert moved[-1].pose.pose.position.x > moved[0].pose.pose.position.x
-        assert (moved[0].header.frame_id, moved[0].child_frame_id) == ("odom", "base_link")
+    with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+        topics = {connection.topic: connection.msgtype for connection, _, _ in reader.messages()}
+        moved = [reader.deserialize(data, c.msgtype) for c, _, data in reader.messages() if c.topic == "/odom"]
+    assert moved[-1].pose.pose.position.x > moved[0].pose.pose.position.x
+    assert (moved[0].header.frame_id, moved[0].child_frame_id) == ("odom", "base_link")
     assert topics["/odom"] == "nav_msgs/msg/Odometry"
     assert topics["/tf"] == topics["/tf_static"] == "tf2_msgs/msg/TFMessage"
 
@@ -109,17 +102,3 @@ def test_a_ros_2_bag_is_one_sqlite_file(copies: dict[str, Path]) -> None:
         times = [stamped_s(message_of("sensor_msgs/msg/Imu", data).header.stamp) for (data,) in base.execute(query)]
     assert topics["/camera/depth/image_rect"] == "sensor_msgs/msg/Image"
     np.testing.assert_allclose(np.diff(times), 0.01, atol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("out", "expected"),
-    [("x.csv", "'.csv' is no bag that is written: .mcap, .bag (ROS 1), .db3 (ROS 2)"), ("there.bag", "is there already")],
-)
-def test_a_file_that_cannot_be_written_is_reported_in_one_line(
-    run: Path, tmp_path: Path, capsys: Any, out: str, expected: str
-) -> None:
-    (tmp_path / "there.bag").touch()
-    capsys.readouterr()
-    assert main(["record", str(run), "--out", str(tmp_path / out)]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert expected in line

@@ -13,23 +13,24 @@ from treadline.ros._node_signals import Clock
 from treadline.ros.node_process import NodeRunner
 
 
-class Ticking:
-    """A node that notes its ticks."""
+class Listening:
+    """A node that notes its ticks, and for each reading its stamp and the node's clock then."""
 
     name = "heading"
     publishes: tuple[str, ...] = ()
     needs: tuple[tuple[str, ...], ...] = ()
 
     def __init__(self) -> None:
-        self.ticks: list[float] = []
+        self.now_s, self.ticks, self.taken_at = 0.0, list[float](), list[tuple[float, float]]()
 
     def listen(self, transport: Any) -> None:
-        pass
+        transport.subscribe(on.SEAT, lambda reading: self.taken_at.append((reading.t_s, self.now_s)))
 
     def advance(self, t_s: float) -> None:
         self.now_s = t_s
 
     def tick(self, t_s: float) -> None:
+        self.now_s = t_s
         self.ticks.append(t_s)
 
 
@@ -39,8 +40,8 @@ def test_a_wall_clock_that_steps_mutes_no_node(monkeypatch: pytest.MonkeyPatch, 
     50 ms are waited for."""
     wall = SimpleNamespace(now_s=1000.0)
     monkeypatch.setattr("treadline.ros.node_process.time", SimpleNamespace(time=lambda: wall.now_s, monotonic=time.monotonic))
-    node = Ticking()
-    runner = NodeRunner(node, Air(), clock="wall")  # type: ignore[arg-type]
+    node = Listening()
+    runner = NodeRunner(node, Air(), clock="wall")
     for _ in range(100):
         wall.now_s += 0.01
         runner.turn()
@@ -56,30 +57,13 @@ def test_a_wall_clock_that_steps_mutes_no_node(monkeypatch: pytest.MonkeyPatch, 
 def test_a_node_that_was_kept_from_running_compares_stamps_with_the_newest_clock() -> None:
     """Test: a node stands for a second, and the messages of that second wait, the clock's last. Expected result: a sample 1 s newer
     than the last tick finds the node's clock at the newest time received, before that tick."""
-    wire = Air()
-    node = Listening()
-    NodeRunner(node, wire, clock="sim")  # type: ignore[arg-type]
+    wire, node = Air(), Listening()
+    NodeRunner(node, wire, clock="sim")
     wire.say(on.CLOCK, Clock(t_s=5.0))
     wire.deliver(0.0)
     assert node.ticks == [5.0]
-    sample = SeatReading(t_s=6.0, pitch_rad=0.0, stroke_m=0.0)
-    for channel, signal in ((on.SEAT, sample), (on.CLOCK, Clock(t_s=6.0))):
-        wire.say(channel, signal)
+    wire.say(on.SEAT, SeatReading(t_s=6.0, pitch_rad=0.0, stroke_m=0.0))
+    wire.say(on.CLOCK, Clock(t_s=6.0))
     wire.deliver(0.0)
     assert node.taken_at == [(6.0, 6.0)]
     assert node.ticks == [5.0, 6.0]
-
-
-class Listening(Ticking):
-    """A node that notes the stamp of each reading, and its own clock then."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.taken_at: list[tuple[float, float]] = []
-
-    def listen(self, transport: Any) -> None:
-        transport.subscribe(on.SEAT, lambda reading: self.taken_at.append((reading.t_s, self.now_s)))
-
-    def tick(self, t_s: float) -> None:
-        super().tick(t_s)
-        self.now_s = t_s

@@ -1,10 +1,8 @@
 """The graph in one process drives as the mission's loop does, bit for bit."""
 
-from collections.abc import Sequence
-
 import pytest
 
-from treadline.core.ports import Plant, Reading
+from treadline.core.ports import Plant
 from treadline.core.signals import FlipperCommand, SeatCommand, TrackCommand
 from treadline.mission.loop import Mission
 from treadline.mission.mission_blocks import build_blocks, guard_config
@@ -24,10 +22,7 @@ class Noting:
     def __init__(self, plant: Plant) -> None:
         self._plant = plant
         self.written: list[Written] = []
-        self.start, self.advance, self.close = plant.start, plant.advance, plant.close
-
-    def read(self) -> Sequence[Reading]:
-        return self._plant.read()
+        self.start, self.advance, self.read, self.close = plant.start, plant.advance, plant.read, plant.close
 
     def write(self, tracks: TrackCommand, seat: SeatCommand, flipper: FlipperCommand | None = None) -> None:
         self.written.append((tracks, seat, 0.0 if flipper is None else flipper.rate_rad_s))

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from world import estimate
 
+from treadline.core.errors import SettingsError
 from treadline.core.signals import TrackCommand
 from treadline.io.records import read_record
 from treadline.io.runs import RECORD
 from treadline.ros import channels as on
 from treadline.ros.lockstep import InProcess
-from treadline.ros.recorder import INPUTS, OUTPUTS, RecorderNode
+from treadline.ros.recorder import INPUTS, OUTPUTS, RecorderNode, open_bag
 
 
 @pytest.mark.parametrize(
@@ -34,3 +35,13 @@ def test_of_the_stretches_between_missed_rows_the_longest_is_kept(
     assert record.u.shape[0] == rows
     declared = f"record.csv holds the longest stretch, {rows} rows: {beyond} more lie beyond rows that were missed"
     assert recorder.left_out == (declared if missed else None)
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [("x.csv", r"'.csv' is no bag that is written: .mcap, .bag \(ROS 1\), .db3 \(ROS 2\)"), ("there.bag", "is there already")],
+)
+def test_a_bag_that_cannot_be_written_is_refused(tmp_path: Path, name: str, said: str) -> None:
+    (tmp_path / "there.bag").touch()
+    with pytest.raises(SettingsError, match=said):
+        open_bag(tmp_path / name)

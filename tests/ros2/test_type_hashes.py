@@ -1,4 +1,4 @@
-"""Message types on zenoh and in logs are those of ROS 2: the hashes that rclpy compares, for every topic of the graph."""
+"""Message types on the wire and in logs are those of ROS 2: the hashes that rclpy compares, for every topic of the graph."""
 
 import importlib
 from collections.abc import Callable

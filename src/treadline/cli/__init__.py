@@ -58,6 +58,10 @@ MODULES = {"model": "export", "record": "node", "report": "reproduce"}
 """Module of a verb that shares the module of another verb."""
 FUNCTIONS = {"compile": "compile_"}
 """Function of a verb whose name Python uses itself."""
+WITHOUT_ZENOH = (
+    "--transport zenoh has left; on ROS 2: ros2 launch treadline_ros2 graph.launch.xml; "
+    "in one process: treadline nodes without --transport"
+)
 GROUPS = {heading: Group(heading, sort_key=number) for number, heading in enumerate(VERBS)}
 for heading, verbs in VERBS.items():
     for verb in verbs:  # a verb's module is imported when the verb is run, or its help is shown
@@ -72,6 +76,8 @@ def _launch(
     json: Annotated[bool, Parameter(help="Print one JSON object and nothing else.", negative=())] = False,
     debug: Annotated[bool, Parameter(help="Show a traceback when something fails.", negative=())] = False,
 ) -> int:
+    if "--transport zenoh" in " ".join(tokens).replace("=", " "):
+        return _fail(WITHOUT_ZENOH, 2, debug=debug)
     try:
         answer = app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
     except cyclopts.CycloptsError as error:

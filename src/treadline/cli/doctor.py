@@ -19,7 +19,6 @@ PARTS = (
 )
 EXTRAS = (
     ("pyarrow", "pyarrow", "identify on Parquet", "pip install '.[parquet]'"),
-    ("eclipse-zenoh", "zenoh", "nodes on ROS 2's wire: --transport zenoh", "pip install '.[ros]'"),
     ("distributed", "distributed", "sweep --cluster", "pip install '.[cluster]'"),
     ("pyrealsense2", "pyrealsense2", "see --live realsense", "pip install '.[realsense]'"),
     ("pyorbbecsdk2", "pyorbbecsdk", "see --live orbbec", "pip install '.[orbbec]'"),

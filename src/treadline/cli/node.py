@@ -3,8 +3,9 @@
 import os
 import signal
 import time
+from contextlib import ExitStack, closing
 from pathlib import Path
-from threading import Event, Thread, Timer
+from threading import TIMEOUT_MAX, Event, Thread, Timer
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
@@ -22,8 +23,7 @@ STARTED_BY = "TREADLINE_STARTED_BY"
 """Environment variable with the id of the process that a node must not outlive."""
 RECORDER_SPARE = 100
 """Queue length of a recorder [messages]: it keeps every image, however late."""
-WireName = Literal["ros1", "zenoh"]
-TransportName = Literal["inproc", WireName]
+TransportName = Literal["inproc", "ros1"]
 
 
 def node(
@@ -31,37 +31,35 @@ def node(
     scenario: str = "default",
     /,
     *remappings: str,
-    transport: TransportName = "zenoh",
+    transport: TransportName = "ros1",
     controller: str | None = None,
     plant: PlantName = "mujoco",
     seed: int = 0,
     clock: Literal["sim", "wall"] = "sim",
     pace: float = 1.0,
     duration: float | None = None,
-    endpoint: str = "tcp/127.0.0.1:7447",
-    domain: int = 0,
     patience: float = 60.0,
     wait: bool = False,
     out: Path | None = None,
     force: Force = False,
 ) -> Answer:
-    """Run one node: plant, camera, heading, seat, driver, guard or recorder.
+    """Run one node on ROS 1: plant, camera, heading, seat, driver, guard or recorder.
 
-    treadline node guard default --transport ros1
+    On ROS 2: ros2 launch treadline_ros2 graph.launch.xml
+
+    treadline node guard default
 
     Args:
         name: Name of the node.
         scenario: Settings that the whole graph shares: scenario file, or the name of a shipped scenario.
         remappings: Remappings of ROS 1, as /camera/color/image_raw:=/camera, after a lone --.
-        transport: ros1 needs a roscore; zenoh speaks ROS 2's wire and needs no ROS; inproc is for treadline nodes alone.
+        transport: ros1 needs a roscore; inproc is for treadline nodes alone.
         controller: Controller file that treadline tune wrote, or a plug-in. Default: the controller shipped for the vehicle.
         plant: Simulator of the plant node: mujoco or gazebo.
         seed: Random seed of the simulated plant.
         clock: sim where a plant publishes /clock, wall where drivers stamp with the machine's clock.
         pace: Simulated seconds per second, of the plant.
         duration: Duration of the plant in seconds. Default: as in the scenario.
-        endpoint: Address at which the nodes of zenoh connect; the guard listens there.
-        domain: ROS_DOMAIN_ID of ROS 2.
         patience: Startup timeout for required topics, in seconds.
         wait: Let the driver stand, so that /cmd_vel moves the chair.
         out: Run folder, or .mcap, .bag or .db3 file, that the recorder writes.
@@ -82,25 +80,18 @@ def node(
     setup.require_controller()
     config = setup.mission
     stop = stopping()
-    wire = wired(transport, name, config, endpoint=endpoint, domain=domain, arguments=remappings)
-    wire.spare = RECORDER_SPARE if name == "recorder" else 1
-    try:
+    with ExitStack() as opened:
+        wire = opened.enter_context(closing(wired(name, config, remappings)))
+        wire.spare = RECORDER_SPARE if name == "recorder" else 1
         if name in driving_nodes(config.chair):
             compile_once()  # a node that compiles while the graph runs is silent for seconds, for which the guard holds
         made = node_of(name, config, plant=setup.open_plant, out=out, goals=wait)
+        if isinstance(made, PlantNode | RecorderNode):
+            opened.callback(made.close)
         if isinstance(made, PlantNode):
-            try:
-                t_s = run_plant(made, wire, stop=stop, pace=pace, duration_s=duration or setup.scenario.drive.duration_s)
-            finally:
-                made.close()
+            t_s = run_plant(made, wire, stop=stop, pace=pace, duration_s=duration or setup.scenario.drive.duration_s)
             return Answer(values={"node": name, "t_s": t_s}, summary=[f"plant: {t_s:.1f} s simulated"])
-        try:
-            NodeRunner(made, wire, clock=clock, patience_s=patience).run(stop)
-        finally:
-            if isinstance(made, RecorderNode):
-                made.close()
-    finally:
-        wire.close()
+        NodeRunner(made, wire, clock=clock, patience_s=patience).run(stop)
     lost, broken = dict(wire.inbox.lost), dict(wire.broken)
     summary = [f"{name}: done" + (f", lost {lost}" if lost else "") + (f", broken {broken}" if broken else "")]
     if isinstance(made, RecorderNode) and made.left_out is not None:
@@ -113,17 +104,17 @@ def record(
     /,
     *,
     out: Path,
-    transport: WireName = "zenoh",
+    transport: Literal["ros1"] = "ros1",  # noqa: ARG001 - the only one, which users name
     duration: float | None = None,
     scenario: str = "default",
     images: Annotated[bool, Parameter(negative="--no-images")] = True,
-    endpoint: str = "tcp/127.0.0.1:7447",
-    domain: int = 0,
     force: Force = False,
 ) -> Answer:
-    """Record the messages of the node graph, or convert a log into another bag format.
+    """Record the messages of the node graph on ROS 1, or convert a log into another bag format.
 
-    treadline record --transport ros1 --duration 60 --out drive.bag
+    On ROS 2: ros2 launch treadline_ros2 graph.launch.xml, and ros2 bag record
+
+    treadline record --duration 60 --out drive.bag
     treadline record runs/first --out first.bag
 
     Args:
@@ -133,8 +124,6 @@ def record(
         duration: Duration of the recording in seconds. Default: until Ctrl-C.
         scenario: Settings that the graph shares; they hold the camera's mount.
         images: Keep images.
-        endpoint: Address at which the nodes of zenoh connect.
-        domain: ROS_DOMAIN_ID of ROS 2.
     """
     check_times(duration=duration)
     claim(out, force=force, kind="either")
@@ -144,12 +133,9 @@ def record(
 
     make_way(out, force=force)
     config = resolve(scenario).mission
-    wire = wired(transport, "recorder", config, endpoint=endpoint, domain=domain)
-    wire.spare = RECORDER_SPARE
-    try:
+    with closing(wired("recorder", config)) as wire:
+        wire.spare = RECORDER_SPARE
         count, left_out = _listened(wire, out, duration, images=images)
-    finally:
-        wire.close()
     lost = dict(wire.inbox.lost)
     lines = [f"{out}: {count} signals" + (f"; lost {lost}" if lost else ""), *([] if left_out is None else [left_out])]
     return Answer(values={"out": str(out), "signals": count, "lost": lost}, summary=lines, code=0 if count else 1)
@@ -160,18 +146,15 @@ def _listened(wire: "WireTransport", out: Path, duration_s: float | None, *, ima
     from treadline.ros.node_process import NodeRunner
     from treadline.ros.recorder import RecorderNode
 
-    node = RecorderNode(out, 1.0 / paper.CONTROL_RATE_HZ, frames=images)
-    stop = stopping()
-    timer = Timer(duration_s, stop.set) if duration_s is not None else None
-    try:
+    with closing(RecorderNode(out, 1.0 / paper.CONTROL_RATE_HZ, frames=images)) as node:
+        stop = stopping()
+        timer = Timer(duration_s or TIMEOUT_MAX, stop.set)
         runner = NodeRunner(node, wire, patience_s=float("inf"))
-        if timer is not None:
-            timer.start()
-        runner.run(stop)
-    finally:
-        if timer is not None:
+        timer.start()
+        try:
+            runner.run(stop)
+        finally:
             timer.cancel()
-        node.close()
     return node.count, node.left_out
 
 
@@ -185,37 +168,27 @@ def _copied(log: Path, out: Path, *, force: bool) -> Answer:
     if out.resolve() == source.resolve():
         raise SettingsError(f"--out {out}: is the log itself; give another")
     make_way(out, force=force)
-    bag = open_bag(out)
     count = 0
+    with closing(open_bag(out)) as bag:
 
-    def write(signal: Any, taken_s: float | None = None) -> None:
-        nonlocal count
-        bag(signal, taken_s)
-        count += 1
+        def write(signal: Any, taken_s: float | None = None) -> None:
+            nonlocal count
+            bag(signal, taken_s)
+            count += 1
 
-    try:
         for taken_s, signal in recording.arrivals(write):
             write(signal, taken_s)
-    finally:
-        bag.close()
     dropped = dict(recording.dropped)
     lines = [f"{out}: {count} signals from {source}", *(f"  dropped {number}: {reason}" for reason, number in dropped.items())]
     return Answer(values={"out": str(out), "signals": count, "dropped": dropped}, summary=lines)
 
 
-def wired(
-    transport: WireName, name: str, config: "MissionConfig", *, endpoint: str, domain: int, arguments: tuple[str, ...] = ()
-) -> "WireTransport":
-    """Return the transport of one node."""
+def wired(name: str, config: "MissionConfig", arguments: tuple[str, ...] = ()) -> "WireTransport":
+    """Return the transport of one node: ROS 1."""
     from treadline.ros.assembly import mount_of
+    from treadline.ros.ros1 import Ros1Transport
 
-    if transport == "ros1":
-        from treadline.ros.ros1 import Ros1Transport
-
-        return Ros1Transport(name, arguments=arguments, mount=mount_of(config))
-    from treadline.ros.zenoh import ZenohTransport
-
-    return ZenohTransport(name, endpoint=endpoint, listen=name == "guard", domain=domain, mount=mount_of(config))
+    return Ros1Transport(name, arguments=arguments, mount=mount_of(config))
 
 
 def stopping() -> Event:

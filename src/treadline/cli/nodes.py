@@ -31,26 +31,22 @@ def nodes(
     seed: int = 0,
     pace: float = 1.0,
     duration: float | None = None,
-    endpoint: str = "tcp/127.0.0.1:7447",
-    domain: int = 0,
     without: Literal["plant"] | None = None,
     out: Path | None = None,
     force: Force = False,
 ) -> Answer:
     """Run the complete node graph of Fig. 7 on a scenario, and report the outcome.
 
-    treadline nodes default --transport zenoh --pace 0.5
+    treadline nodes default --out runs/graph
 
     Args:
         scenario: Scenario file, or the name of a shipped scenario.
-        transport: inproc runs all nodes in this process, tick by tick; ros1 and zenoh start one process per node.
+        transport: inproc runs all nodes in this process, tick by tick; ros1 starts one process per node.
         controller: Controller file that treadline tune wrote, or a plug-in. Default: the controller shipped for the vehicle.
         plant: Simulator: mujoco or gazebo.
         seed: Random seed of the simulated plant.
         pace: Simulated seconds per second; slower on a busy machine.
         duration: Duration in simulated seconds. Default: as in the scenario.
-        endpoint: Address at which the nodes of zenoh connect.
-        domain: ROS_DOMAIN_ID of ROS 2.
         without: Leave out the plant node; the drivers of a real chair take its place.
         out: Run folder, or .mcap, .bag or .db3 file, to record to. Default: no recording.
     """
@@ -59,7 +55,7 @@ def nodes(
 
     check_times(pace=pace, duration=duration)
     if without is not None and transport == "inproc":
-        raise SettingsError(f"--without {without} needs --transport ros1 or zenoh: in one process nobody else can be the {without}")
+        raise SettingsError(f"--without {without} needs --transport ros1: in one process nobody else can be the {without}")
     if out is not None:
         claim(out, force=force, kind="either")
         make_way(out, force=force)
@@ -70,9 +66,8 @@ def nodes(
     if transport == "inproc":
         return _in_one_process(config, setup.open_plant, seconds, out, rearms_until_s(settings.operator))
     compile_once()  # a node that compiles while the graph runs is silent for seconds, for which the guard holds
-    wire = wired(transport, "supervisor", config, endpoint=endpoint, domain=domain)
+    wire = wired("supervisor", config)
     options = ["--transport", transport, "--plant", plant, "--seed", str(seed), "--pace", str(pace), "--duration", str(seconds)]
-    options += ["--endpoint", endpoint, "--domain", str(domain)]
     options += [] if controller is None else ["--controller", controller]
     from treadline.ros.assembly import driving_nodes
 

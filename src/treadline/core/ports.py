@@ -136,7 +136,7 @@ class TruthPlant(Plant, Protocol):
 
 @runtime_checkable
 class Transport(Protocol):
-    """Channel-based transport of signals between nodes: calls in one process, ROS 1, or the ROS 2 wire protocol."""
+    """Channel-based transport of signals between nodes: calls in one process, ROS 1, or ROS 2."""
 
     def announce(self, channel: str) -> None:
         """Declare this node as a publisher of a channel."""

@@ -16,7 +16,7 @@ from PIL import Image
 
 from treadline.core.angles import DEG
 from treadline.core.errors import GazeboError
-from treadline.core.signals import ImuSample, SeatCommand, TrackCommand
+from treadline.core.signals import SeatCommand, TrackCommand
 from treadline.plant.gazebo import GazeboPlant, find_environment, open_gazebo
 from treadline.plant.mujoco import open_plant
 from treadline.run.episode import traverse
@@ -53,19 +53,6 @@ def started() -> Iterator[Opened]:
             return plant
 
         yield start
-
-
-def test_an_ideal_imu_reports_the_truth(started: Opened) -> None:
-    plant = started(sensors=Sensors(imu="ideal"))
-    plant.write(TrackCommand(t_s=0.0, left_m_s=0.2, right_m_s=0.2), SeatCommand(t_s=0.0, rate_m_s=0.01))
-    plant.advance(2.0)
-    samples = [reading for reading in plant.read() if isinstance(reading, ImuSample)]
-    truth = plant.truth()
-    rate = [sample.angular_velocity_rad_s[1] for sample in samples]
-    np.testing.assert_allclose(rate, [-sample.pitch_rate_rad_s for sample in truth], atol=1e-12)
-    # At rest the specific force is gravity alone; contacts of ODE creep and jump, by a few percent of it.
-    force = np.mean([np.linalg.norm(sample.linear_acceleration_m_s2) for sample in samples])
-    assert force == pytest.approx(9.81, rel=0.02)
 
 
 def test_the_chair_begins_where_the_other_simulator_puts_it(started: Opened) -> None:
