@@ -49,8 +49,6 @@ PYTEST = ("-pno:cacheprovider", "-pno:terminal", "-oaddopts=--import-mode=import
 """Options of pytest, which warns of libraries that are imported already."""
 PATIENCE_S = 30
 """CPU time limit of a mutant's tests beyond three times their own [s]; a mutant that exceeds it counts as detected (``hangs``)."""
-LONG_S = 5.0
-"""CPU time beyond which a sample leaves a test out [s], its shared fixtures included."""
 LEAST = 0.95
 """Share of the guard's mutants, without the equivalent ones, that the tests must detect."""
 
@@ -239,7 +237,7 @@ def tests_of(mutants: list[Mutant], asked: argparse.Namespace) -> dict[Mutant, d
     answer = in_child(lambda: _measured(asked.package, asked.tests or [str(ROOT / "tests" / asked.package)]), limit_s=3600)
     spent_s, executed, fixtures, failed = json.loads(answer or sys.exit("the tests do not end on the original"))
     costs_s = {test: sum(spent_s.get(name, 0.0) for name in (test, *fixtures[test])) for test in fixtures}
-    left_out = {test for test in costs_s if test in failed or (asked.sample and costs_s[test] > LONG_S)}
+    left_out = {test for test in costs_s if test in failed or (asked.sample and costs_s[test] > asked.longest)}
     print(f"{len(costs_s)} tests; left out:", *sorted(left_out), sep="\n  ", flush=True)
     quickest_first = sorted(costs_s.keys() - left_out, key=costs_s.__getitem__)
     found = {}
@@ -342,6 +340,7 @@ def main() -> int:
     parser.add_argument("--only", default="", help="one file, such as _belt_monitor.py")
     parser.add_argument("--sample", type=int, help="number of mutants; without it, all")
     parser.add_argument("--seed", type=int, default=1, help="which sample; without it, 1")
+    parser.add_argument("--longest", type=float, default=5.0, help="a sample leaves out tests of more CPU time [s]; without it, 5")
     asked = parser.parse_args()
     files = [path for path in files_of(asked.package) if asked.only in ("", path.name)]
     mutants = [mutant for path in files for mutant in mutants_of(path)]
