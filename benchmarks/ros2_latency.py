@@ -1,115 +1,88 @@
 """Delay from camera to command on ROS 2: ``. "$(ros2/environment.sh)/env.sh"; python benchmarks/ros2_latency.py [SECONDS]``.
 
-The graph drives in real time, its six nodes in one process or in six, on an idle machine and next to one process that keeps a core
-busy. A bystander measures from a frame's arrival to the guard's first command with its heading. CPU time is that of the nodes by
-simulated second; ``zenoh`` is ``treadline nodes`` on the same scenario.
+The graph drives in real time on the MuJoCo plant, its six nodes in one process or in six, on an idle machine and next to one
+process that keeps a core busy. A bystander measures from a frame's arrival to the guard's first command that uses the heading
+of this frame. The driver sends at 4 Hz, the guard at 100 Hz; only guard commands count.
 """
 
-import math
 import os
 import signal
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import rclpy
-from nodes import ENDPOINT, SCENARIO, FrameToCommand, wire
 from treadline_ros2.lifecycle_node import Executor
 from treadline_ros2.transport import RclpyTransport
 
+from treadline.core.camera_images import RgbdFrame
+from treadline.core.signals import HeadingEstimate, HeadingMeasurement, TrackCommand
+from treadline.ros import channels as on
+
 ROLES = ("guard", "camera", "heading", "seat", "driver", "plant")
+SCENARIO = """
+[stair]
+steps = 66
+width_m = 2.4
+[start]
+place = "flight"
+step = 6
+heading_deg = 10
+[drive]
+duration_s = 600
+"""
 
 
-def cpu_s() -> float:
-    """Return the CPU time of this process's descendants that run, the busy one left out [s]."""
-    rows = {}
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            words = stat.read_text().rpartition(")")[2].split()
-            rows[int(stat.parent.name)] = int(words[1]), int(words[11]) + int(words[12]), (stat.parent / "cmdline").read_bytes()
-        except OSError:
-            continue  # it has ended meanwhile
-    ours, before = {os.getpid()}, 0
-    while len(ours) != before:
-        before = len(ours)
-        ours |= {pid for pid, (parent, _, words) in rows.items() if parent in ours and BUSY.encode() not in words}
-    return sum(rows[pid][1] for pid in ours - {os.getpid()} if pid in rows) / os.sysconf("SC_CLK_TCK")
+class FrameToCommand:
+    """Delays from a frame's arrival to the guard's first command after the estimate with its heading [ms]."""
+
+    def __init__(self, watch: RclpyTransport) -> None:
+        self.delays_ms: list[float] = []
+        self.t_s = 0.0
+        self._arrived_s: dict[float, float] = {}
+        self._seen_s: float | None = None
+        self._known_s: float | None = None
+        watch.subscribe(on.CAMERA, self._frame)
+        watch.subscribe(on.MEASURED, self._measured)
+        watch.subscribe(on.ESTIMATE, self._estimated)
+        watch.subscribe(on.TRACKS_CMD, self._commanded)
+
+    def _frame(self, picture: RgbdFrame) -> None:
+        self._arrived_s[picture.t_s] = time.monotonic()
+
+    def _measured(self, seen: HeadingMeasurement) -> None:
+        self._seen_s, self._known_s = self._arrived_s.get(seen.t_s), None
+
+    def _estimated(self, estimate: HeadingEstimate) -> None:
+        self.t_s, self._known_s = estimate.t_s, self._seen_s
+
+    def _commanded(self, _: TrackCommand) -> None:
+        if self._known_s is not None:
+            self.delays_ms.append(1e3 * (time.monotonic() - self._known_s))
+            self._seen_s = self._known_s = None
 
 
-class Used:
-    """CPU time of the nodes by simulated second, from the first simulated second on."""
-
-    def __init__(self, delays: FrameToCommand) -> None:
-        self._delays, self._began = delays, (0.0, 0.0)
-        self.by_second = math.nan
-
-    def look(self) -> None:
-        """Take the CPU time now; the last look counts."""
-        t_s = self._delays.t_s
-        if t_s < 1.0:
-            return
-        if self._began[0] == 0.0:
-            self._began = t_s, cpu_s()
-        elif t_s > self._began[0] + 1.0:
-            self.by_second = (cpu_s() - self._began[1]) / (t_s - self._began[0])
-
-
-BUSY = "while True: pass"
-
-
-def busy() -> subprocess.Popen[bytes]:
-    return subprocess.Popen([sys.executable, "-c", BUSY])
-
-
-def report(what: str, delays: FrameToCommand, used: Used) -> None:
-    p50, p95, p99 = np.percentile(delays.to_command[3:] or [np.nan], (50, 95, 99))
-    print(f"| {what} | {len(delays.to_command)} | {p50:.0f} / {p95:.0f} / {p99:.0f} | {used.by_second:.2f} |", flush=True)
-
-
-def ros2(scenario: Path, processes: Sequence[Sequence[str]], seconds: float) -> tuple[FrameToCommand, Used]:
-    """Return the delays, and the nodes' CPU time."""
+def delays(scenario: Path, processes: Sequence[Sequence[str]], seconds: float) -> list[float]:
+    """Return the delays of one drive [ms]."""
     node, executor = rclpy.create_node("latency"), Executor()
     executor.add_node(node)
-
-    def attempt(do: Any, *given: Any) -> None:
-        do(*given)
-
-    delays = FrameToCommand(RclpyTransport(node, attempt))
-    used = Used(delays)
+    watch = FrameToCommand(RclpyTransport(node, lambda do, *given: do(*given)))
     given = ["--ros-args", "-p", f"scenario:={scenario}", "-p", "use_sim_time:=true", "-p", "autostart:=true"]
     command = [sys.executable, "-m", "treadline_ros2.node"]
     started = [subprocess.Popen([*command, *roles, *given], stderr=subprocess.DEVNULL) for roles in processes]
-    while delays.t_s < seconds:
+    while watch.t_s < seconds:
         executor.spin_once(timeout_sec=0.05)
-        if 1.0 < delays.t_s < 1.1:
-            used.look()
-    used.look()
     for process in started:
         process.send_signal(signal.SIGINT)
     for process in started:
         process.wait(30)
     executor.shutdown()
     node.destroy_node()
-    return delays, used
-
-
-def zenoh(scenario: Path, seconds: float) -> tuple[FrameToCommand, Used]:
-    """Return the delays, and the nodes' CPU time."""
-    options = ["--transport", "zenoh", "--endpoint", ENDPOINT, "--duration", str(seconds)]
-    started = subprocess.Popen([sys.executable, "-m", "treadline", "nodes", str(scenario), *options], stderr=subprocess.DEVNULL)
-    watch = wire("zenoh", "bystander")
-    delays = FrameToCommand(watch)
-    used = Used(delays)
-    while started.poll() is None:
-        watch.deliver(0.05)
-        if 1.0 < delays.t_s < 1.1 or seconds - 0.5 < delays.t_s < seconds - 0.2:  # the nodes still run
-            used.look()
-    watch.close()
-    return delays, used
+    return watch.delays_ms[3:]
 
 
 def main() -> None:
@@ -117,15 +90,16 @@ def main() -> None:
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 30.0
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     rclpy.init()
-    print("| graph | frames | p50 / p95 / p99 [ms] | CPU by simulated second [s] |\n| --- | --- | --- | --- |")
+    print("| graph | frames | p50 / p95 / p99 [ms] |\n| --- | --- | --- |")
     with tempfile.TemporaryDirectory() as folder:
         scenario = Path(folder) / "climb.toml"
         scenario.write_text(SCENARIO)
         for load in ("", ", one core busy"):
-            others = [busy()] if load else []
+            others = [subprocess.Popen([sys.executable, "-c", "while True: pass"])] if load else []
             for name, processes in (("one process", [ROLES]), ("six processes", [[role] for role in ROLES])):
-                report(f"rclpy, {name}{load}", *ros2(scenario, processes, seconds))
-            report(f"zenoh, six processes{load}", *zenoh(scenario, seconds))
+                found_ms = delays(scenario, processes, seconds)
+                p50, p95, p99 = np.percentile(found_ms or [np.nan], (50, 95, 99))
+                print(f"| rclpy, {name}{load} | {len(found_ms)} | {p50:.0f} / {p95:.0f} / {p99:.0f} |", flush=True)
             for process in others:
                 process.kill()
                 process.wait()
