@@ -62,7 +62,7 @@ def shell(line: str, **environment: str) -> subprocess.CompletedProcess[str]:
     done = subprocess.run(
         ["bash", "-c", line], capture_output=True, text=True, check=False, env={**os.environ, **environment}, timeout=120
     )
-    done.stderr = re.sub(r"treadline .*: running; Ctrl-C stops it\n", "", done.stderr)  # on a busy machine
+    done.stderr = re.sub(r"treadline.*: running; Ctrl-C stops it\n", "", done.stderr)  # on a busy machine
     return done
 
 
