@@ -93,6 +93,14 @@ def test_a_header_that_promises_more_than_the_archive_holds_is_refused(tmp_path:
     refused(tmp_path / "log.npz", ("a",), (), "not a valid NPZ file", period_s=1.0)
 
 
+def test_an_array_of_negative_size_is_refused(tmp_path: Path) -> None:
+    savemat(tmp_path / "log.mat", {"a": T})
+    data, sizes = (tmp_path / "log.mat").read_bytes(), [np.array([5, 8, 1, rows], np.int32).tobytes() for rows in (10, -10)]
+    assert sizes[0] in data
+    (tmp_path / "log.mat").write_bytes(data.replace(*sizes))
+    refused(tmp_path / "log.mat", ("a",), (), r"'a' has the shape \(1, -10\)", period_s=1.0)
+
+
 def test_what_needs_an_extra_says_how_to_get_it(written, record: InputOutputRecord, monkeypatch: pytest.MonkeyPatch) -> None:
     log = written("parquet", record)
     monkeypatch.setitem(sys.modules, "pyarrow", None)

@@ -127,7 +127,7 @@ def log(kind: str) -> Reader:
         return verb("identify", "{}", *channels, *options)(path)
 
     # Formats differ in their readers, which ``test_damaged_logs`` runs alone; what is identified is the same for all.
-    return Reader(make, read, mutated_text if kind == "csv" else mutated_bytes, 1 if kind in {"csv", "npz"} else 5)
+    return Reader(make, read, mutated_text if kind == "csv" else mutated_bytes, 1 if kind in {"csv", "npz", "mcap bare"} else 5)
 
 
 def depth_image(folder: Path) -> Path:
