@@ -97,7 +97,7 @@ class Rig:
         for _ in range(round(for_s / TICK_S)):
             self.events += events_in([f"{self.chair.t_s:.2f} s: {line}" for line in self._drives()])
 
-    def arm(self) -> None:
+    def rearm(self) -> None:
         """Re-arm, and stand for the rest of a second."""
         self.run(0.3, 0.0, 0.0)
         self.link.rearm()

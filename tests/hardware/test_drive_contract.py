@@ -25,7 +25,7 @@ if not HAS_COMPILER:
     pytest.skip("no C compiler (cc, gcc or clang) on the path", allow_module_level=True)
 
 FAULT_S = 2.0
-"""Start of a fault: the chair is armed within a second, and drives a second later."""
+"""Start of a fault: the chair is armed within a second, and drives then."""
 WATCHDOG_S = 0.1
 """The longest watchdog that a box accepts, literally."""
 
@@ -67,7 +67,7 @@ def test_drives_stand_until_the_first_rearm(rig: Rig) -> None:
 
 
 def test_a_speed_is_read_back_as_commanded(rig: Rig) -> None:
-    rig.arm()
+    rig.rearm()
     last = rig.run(2.0, 0.2, -0.1)[-1]
     # A box reports whole units of 0.1 mm/s; the belts of the floor's box lag by 0.15 s.
     assert (last.left_m_s, last.right_m_s) == pytest.approx((0.2, -0.1), abs=2e-4)
@@ -76,13 +76,13 @@ def test_a_speed_is_read_back_as_commanded(rig: Rig) -> None:
 
 def test_no_command_makes_a_belt_faster_than_the_limit(rig: Rig) -> None:
     """Test: 9 m/s, which one box caps and another rejects. Expected result: 1 m/s at most."""
-    rig.arm()
+    rig.rearm()
     rig.run(2.0, 9.0, 9.0)
     assert max(speed_m_s for _, speed_m_s in rig.chair.fastest) <= LIMITS.speed_m_s
 
 
 def test_without_commands_the_drives_stop_within_the_watchdog_and_stand_until_rearmed(rig: Rig) -> None:
-    rig.arm()
+    rig.rearm()
     rig.run(1.0)
     silent_s = rig.chair.t_s
     rig.run(1.0, silent=True)
@@ -92,13 +92,13 @@ def test_without_commands_the_drives_stop_within_the_watchdog_and_stand_until_re
     rig.run(2.0)  # the belts of the floor's box come to rest
     assert rig.states[-1].latched
     assert rig.chair.fastest[-1][1] == 0.0
-    rig.arm()
+    rig.rearm()
     assert rig.run(1.0)[-1].left_m_s == pytest.approx(0.2, abs=1e-3)
 
 
 @pytest.mark.parametrize("stop", [lambda link: link.stop(), lambda link: link.send(math.nan, 0.1)], ids=["stop", "not a number"])
 def test_a_stop_and_a_speed_that_is_none_latch_at_once(rig: Rig, stop: Callable[[Any], None]) -> None:
-    rig.arm()
+    rig.rearm()
     rig.run(1.0)
     stop(rig.link)
     stopped_s = rig.chair.t_s
@@ -108,7 +108,7 @@ def test_a_stop_and_a_speed_that_is_none_latch_at_once(rig: Rig, stop: Callable[
 
 
 def test_a_hold_stands_and_the_next_command_drives(rig: Rig) -> None:
-    rig.arm()
+    rig.rearm()
     rig.run(1.0)
     for _ in range(200):  # repeated as commands are
         rig.run(TICK_S, silent=True)
@@ -119,7 +119,7 @@ def test_a_hold_stands_and_the_next_command_drives(rig: Rig) -> None:
 
 
 def test_a_closed_link_leaves_drives_that_stand(rig: Rig) -> None:
-    rig.arm()
+    rig.rearm()
     rig.run(1.0)
     rig.link.close()
     rig.link.close()
@@ -150,7 +150,7 @@ def test_a_fault_of_line_or_box_stops_the_belts_in_time_and_is_named(
     stand without a re-arm; a fault that has a cause of its own is named, any other is the watchdog's."""
     kind, _, value = fault.partition("=")
     rig = EMULATED[link](tmp_path, f"{kind}@{FAULT_S}" + (f"={value}" if value else ""))
-    rig.arm()
+    rig.rearm()
     rig.run(4.0)
     rig.link.close()
     driven = [speed_m_s for t_s, speed_m_s in rig.chair.fastest if 1.5 <= t_s <= FAULT_S]
@@ -167,7 +167,7 @@ def test_a_fault_of_line_or_box_stops_the_belts_in_time_and_is_named(
 def test_a_line_that_is_a_little_bad_stops_nothing(tmp_path: Path, link: str) -> None:
     """Test: half a frame, a flipped bit, frames that overtake one another, and 50 ms of delay."""
     rig = EMULATED[link](tmp_path, "half@2", "flipped@2.5", "swapped_frames@3=1", "late@4.5=0.05")
-    rig.arm()
+    rig.rearm()
     assert not any(state.latched for state in rig.run(6.0))
     assert rig.states[-1].left_m_s == pytest.approx(0.2)
     rig.link.close()
@@ -175,6 +175,6 @@ def test_a_line_that_is_a_little_bad_stops_nothing(tmp_path: Path, link: str) ->
 
 def test_a_rearm_that_is_late_rearms_nothing(tmp_path: Path) -> None:
     rig = serial_rig(tmp_path, "late@0=0.15")
-    rig.arm()
+    rig.rearm()
     assert stands(rig.run(1.0))
     rig.link.close()

@@ -32,21 +32,22 @@ class Bench:
         self.host = Heard("treadline", "drive", robot.path, "--bench", "--out", robot.folder / "run", obey=robot.obey)
         self.process = self.host.process
         wait_for(lambda: self.host.has("bench: "), lambda: self.host.lines)
-        self.push()
 
-    def rearm(self) -> None:
-        """Mend the box, re-arm it where it is latched, and drive on."""
+    def drive(self) -> None:
+        """Mend the box, re-arm it while it is latched, and push the stick until the belts move at 0.09 m/s."""
         self.robot.broken()
-        if self.robot.done()[-1]["latched"]:
-            self.robot.hold(dead_man=False)
-            wait_for(lambda: self.robot.hold(dead_man=True, rearm=True) or not self.robot.done()[-1]["latched"])
-        self.push()
-
-    def push(self) -> None:
-        """Hold the switch and push the stick until the belts move at 0.09 m/s."""
-        self.robot.hold(**HELD)
-        wait_for(lambda: [entry["what"] for entry in self.robot.done() if entry["what"] in ("moving", "slow")][-1:] == ["moving"])
+        wait_for(self._is_driving, lambda: self.host.lines, pause_s=0.05)
         self.before = len(self.host.lines)
+
+    def _is_driving(self) -> bool:
+        if self.robot.done()[-1]["latched"]:
+            self.robot.obey("re-arm")
+            time.sleep(0.3)  # three reports of the handset
+        self.robot.hold(**HELD)
+        done = self.robot.done()
+        return not done[-1]["latched"] and [entry["what"] for entry in done if entry["what"] in ("moving", "slow")][-1:] == [
+            "moving"
+        ]
 
     def stopped(self, fault_s: float) -> float:
         """Return the time from a fault to the stop of the box [s]."""
@@ -58,28 +59,30 @@ class Bench:
         return str(wait_for(lambda: [line for line in self.host.lines[self.before :] if " hold: " in line])[0])
 
 
-def made(robot: TestRobot) -> Iterator[Bench]:
-    started = Bench(robot)
-    yield started
-    started.host.end()
-
-
-@pytest.fixture
-def bench(robot: TestRobot) -> Iterator[Bench]:
-    """A process for one test, which ends it."""
-    yield from made(robot)
+def started(robot: TestRobot) -> Iterator[Bench]:
+    made = Bench(robot)
+    yield made
+    made.host.end()
 
 
 @pytest.fixture(scope="module")
 def process(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
-    yield from made(TestRobot(tmp_path_factory.mktemp("robot")))
+    yield from started(TestRobot(tmp_path_factory.mktemp("robot")))
 
 
 @pytest.fixture
 def driven(process: Bench) -> Bench:
     """A process that tests share: a chair that has been held drives on."""
-    process.rearm()
+    process.drive()
     return process
+
+
+@pytest.fixture
+def bench(robot: TestRobot) -> Iterator[Bench]:
+    """A process for one test, which ends it."""
+    for made in started(robot):
+        made.drive()
+        yield made
 
 
 def test_a_loop_that_is_stopped_stops_the_chair_until_a_person_rearms(driven: Bench) -> None:
@@ -90,7 +93,7 @@ def test_a_loop_that_is_stopped_stops_the_chair_until_a_person_rearms(driven: Be
     os.kill(driven.process.pid, signal.SIGCONT)
     assert "the loop stood still for " in driven.cause()
     assert driven.robot.done()[-1]["latched"]
-    driven.rearm()
+    driven.drive()
 
 
 def test_a_loop_that_is_killed_stops_the_chair(bench: Bench) -> None:

@@ -151,7 +151,7 @@ def can_link(bus: dict[str, object], **changed: float) -> CanSimpleLink:
 
 def test_each_rearm_of_the_axes_proves_their_watchdogs_and_an_axis_stops_with_the_other(tmp_path: Path) -> None:
     rig = can_rig(tmp_path, "brown_out@2")  # of axis 1
-    rig.arm()
+    rig.rearm()
     rig.run(2.0)
     rig.link.close()
     causes = [[event.cause for event in rig.events if event.axis == axis] for axis in (1, 2)]
@@ -163,7 +163,7 @@ def test_each_rearm_of_the_axes_proves_their_watchdogs_and_an_axis_stops_with_th
 def test_axes_without_a_watchdog_are_not_armed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rig = can_rig(tmp_path, "no_watchdog@0")
     monkeypatch.setattr(_can_link, "time", SimpleNamespace(monotonic=lambda: rig.chair.t_s))
-    rig.arm()
+    rig.rearm()
     states = rig.run(3.0)
     assert all(state.latched and state.left_m_s == 0.0 for state in states)
     assert str(states[-1].error).startswith("drive 1 has no watchdog; set it with odrivetool")

@@ -95,14 +95,14 @@ def recorded(start: Opened) -> Plant:
 
 
 class GuardReports:
-    """Reports of the guard process: an inertial sensor at 100 Hz, each sample 4 ms late, on a clock that sleeping moves."""
+    """Reports of the guard process: an inertial sensor at 100 Hz, each sample 4 ms late, for a loop that wakes 15 ms late."""
 
     def __init__(self) -> None:
         self.now_s, self.sent, self.waiting, self.holding = 50.0, 0, list[ImuSample](), None
         self.called: list[str] = []
 
     def sleep(self, for_s: float) -> None:
-        self.now_s += for_s
+        self.now_s += for_s + 0.015
 
     def receive(self) -> None:
         while TICK_S * self.sent + 0.004 <= self.now_s - 50.0:
@@ -159,7 +159,7 @@ def test_a_robot_is_waited_for_and_its_brake_reaches_the_guard_at_once(monkeypat
     plant = real(monkeypatch)
     client: Any = plant._client
     plant.advance(1.0)
-    assert client.now_s == pytest.approx(51.0, abs=0.003)
+    assert 51.0 <= client.now_s < 51.02
     plant.brake()
     plant.close()
     assert client.called == ["the loop stood still", "close"]
