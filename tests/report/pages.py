@@ -189,7 +189,6 @@ IDENTIFICATIONS = {
     "dead time and degrees": identified(
         replace(DELAYED, input_names=("wheel_rad_s",), output_names=("heading_deg",)), bare=True, **UNSURE
     ),
-    "no pole is stable, and outputs without a sample": identified(None, without_outputs, svd=EXACT, warnings=[]),
     "an integrator and a delay of one sample": identified(
         INTEGRATOR, bare=True, **UNSURE | {"poles": [(1.0, 0.0), (0.0, 0.0), (0.0, 0.0)], "pole_ci95": [0.01] * 3}
     ),
@@ -197,12 +196,16 @@ IDENTIFICATIONS = {
         model_with(np.diag([1.05, 0.5]), *ONE), bare=True, **UNSURE | {"fit_percent": None, "poles": [(1.05, 0.0), (0.5, 0.0)]}
     ),
 }
+IDENTIFICATIONS_OF_TWO = {
+    "two inputs and two outputs": identified(names=TWO),
+    "no pole is stable, and outputs without a sample": identified(None, without_outputs, svd=EXACT, warnings=[]),
+}
 
 PAGES: dict[str, dict[str, Make]] = {
     "run": RUNS,
     "player": PLAYERS,
     "reproduction": REPRODUCTIONS,
     "identification": IDENTIFICATIONS,
-    "identification_of_two": {"two inputs and two outputs": identified(names=TWO)},
+    "identification_of_two": IDENTIFICATIONS_OF_TWO,
 }
 """Pages by kind; all but the first of a kind are changes of its input."""
