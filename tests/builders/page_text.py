@@ -87,7 +87,7 @@ class PageText(HTMLParser):
         elif tag in ("script", "style"):
             self.lines.append(tag)
         elif any(name == "pre" for name, _ in self._open):
-            self.lines += [f"  {line}" for line in data.splitlines()]
+            self.lines += [f"  {rounded(line)}" for line in data.splitlines()]
         else:
             self._line += re.sub(r"\s+", " ", data)
 

@@ -10,9 +10,11 @@ import numpy as np
 from jaxtyping import Float
 from systems import system, white_record
 
+from treadline.core.linear_systems import impulse_response
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.core.signals import Event
 from treadline.identification import CandidateScore, IdentificationOptions, Identified, identify
+from treadline.identification._era import HankelSvd
 from treadline.identification.stabilisation import stabilisation_of_svd
 from treadline.playback import Recording
 from treadline.report import write_report
@@ -24,6 +26,7 @@ from .conftest import climbing, reproduced, write_reproduction, write_run
 
 Make = Callable[[Path], str]
 """Writes a page into an empty folder, and returns it."""
+MakeRecord = Callable[[], InputOutputRecord]
 
 # ---- runs ----
 
@@ -138,18 +141,16 @@ def candidates(count: int, chosen: int) -> list[CandidateScore]:
     return [CandidateScore(order=k, decay=0.5, distance=0.2 + 0.001 * k, chosen=k == chosen) for k in range(count)]
 
 
-def identification_page(
-    folder: Path, model: LinearModel | None = None, judged: InputOutputRecord | None = None, **changes: Any
-) -> str:
+def identification_page(folder: Path, model: LinearModel | None = None, judged: MakeRecord | None = None, **changes: Any) -> str:
     """Return the page of an identification whose model and report are changed; ``title``, ``bare``: those of the page."""
-    names = changes.pop("names", ONE)
-    there = found(names)
-    model = model or there.model
-    title, bare, fitted = changes.pop("title", "a chair"), changes.pop("bare", False), changes.pop("fitted", there.fitted)
+    there = found(changes.pop("names", ONE))
+    model, records = model or there.model, there.fitted if judged is None else [judged()]
+    title, bare = changes.pop("title", "a chair"), changes.pop("bare", False)
+    svd = changes.pop("svd", there.svd)
     report = replace(there.report, **({"candidates": candidates(3, 1), "seconds": 0.01} | changes))
     path = folder / "page.html"
-    extras = {} if bare else {"intervals": there.intervals, "stabilisation": stabilisation_of_svd(there.svd, model.dt_s)}
-    write_identification_page(path, model, report, fitted, [judged] if judged else fitted, title=title, **extras)
+    extras = {} if bare else {"intervals": there.intervals, "stabilisation": stabilisation_of_svd(svd, model.dt_s)}
+    write_identification_page(path, model, report, there.fitted, records, title=title, **extras)
     return path.read_text(encoding="utf-8")
 
 
@@ -164,21 +165,40 @@ def with_gaps() -> InputOutputRecord:
     return record
 
 
+def without_outputs() -> InputOutputRecord:
+    record = record_of(found().model)
+    record.y[:] = np.nan
+    return record
+
+
+EXACT = HankelSvd(markov=impulse_response(model_with(A_CALM, *ONE), 41), rows=20, columns=20)
+"""Impulse response without noise: beyond its order there is nothing that could come back."""
 DELAYED = replace(model_with(A_CALM, *ONE), input_delay=(2,))
+DEGREES = replace(DELAYED, input_names=("wheel_rad_s",), output_names=("heading_deg",))
 INTEGRATOR = model_with(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]]), *ONE)
 UNSURE = {"warnings": [], "singular_values": [], "pole_ci95": None, "whiteness_p": None, "crosscorrelation_p": None}
 IDENTIFICATIONS = {
     "one input and one output": identified(bare=True, **UNSURE),
-    "data that were not fitted, with gaps": identified(None, with_gaps(), bare=True, **UNSURE),
+    "data that were not fitted, with gaps": identified(None, with_gaps, bare=True, **UNSURE),
     "many candidates and a rejected model": identified(
         bare=True,
         **UNSURE
         | {"candidates": candidates(50, 45), "noise_level": 0.02, "mirrored": True, "delays": [2]}
         | {"whiteness_p": 0.0, "crosscorrelation_p": 0.0001, "singular_values": [3.0, 1.0, 0.01, 0.005, 1e-17]},
     ),
-    "dead time and degrees": identified(replace(DELAYED, output_names=("heading_deg",)), bare=True, **UNSURE),
-    "an integrator and a delay of one sample": identified(INTEGRATOR, bare=True, **UNSURE | {"pole_ci95": [0.01] * 3}),
-    "an unstable model": identified(model_with(np.diag([1.05, 0.5]), *ONE), bare=True, **UNSURE | {"fit_percent": None}),
+    "dead time and degrees": identified(
+        replace(DELAYED, input_names=("wheel_rad_s",), output_names=("heading_deg",)), bare=True, **UNSURE
+    ),
+    "an integrator and a delay of one sample": identified(
+        INTEGRATOR, bare=True, **UNSURE | {"poles": [(1.0, 0.0), (0.0, 0.0), (0.0, 0.0)], "pole_ci95": [0.01] * 3}
+    ),
+    "an unstable model": identified(
+        model_with(np.diag([1.05, 0.5]), *ONE), bare=True, **UNSURE | {"fit_percent": None, "poles": [(1.05, 0.0), (0.5, 0.0)]}
+    ),
+}
+IDENTIFICATIONS_OF_TWO = {
+    "two inputs and two outputs": identified(names=TWO),
+    "no pole is stable, and outputs without a sample": identified(None, without_outputs, svd=EXACT, warnings=[]),
 }
 
 PAGES: dict[str, dict[str, Make]] = {
@@ -186,6 +206,6 @@ PAGES: dict[str, dict[str, Make]] = {
     "player": PLAYERS,
     "reproduction": REPRODUCTIONS,
     "identification": IDENTIFICATIONS,
-    "identification_of_two": {"two inputs and two outputs": identified(names=TWO)},
+    "identification_of_two": IDENTIFICATIONS_OF_TWO,
 }
 """Pages by kind; all but the first of a kind are changes of its input."""

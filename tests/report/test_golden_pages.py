@@ -21,7 +21,7 @@ GOLDEN = Path(__file__).with_name("golden")
 ALL = [(kind, title) for kind, made in PAGES.items() for title in made]
 MOST_BYTES = 40_000
 """Largest golden file [bytes]: one that a reviewer still reads."""
-OLD = 80
+OLD = 40
 """Letters of a line that a changed page lacks: the whole line stands in the first page."""
 Shown = Callable[[str, str], tuple[str, PageText]]
 
