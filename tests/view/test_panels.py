@@ -21,7 +21,6 @@ from treadline.view._panels import (
     ORANGE,
     PANELS,
     RED,
-    answers_html,
     camera_html,
     camera_warning,
     events_html,
@@ -113,7 +112,7 @@ def test_the_texts_name_hold_phase_and_least_margin_and_escape_what_a_log_says()
     for said in ("HOLD since 12.00 s", "operator &lt;stop&gt;"):
         assert said in state
     session.moments.update(session.feed)
-    assert "least tip-over margin 4.0° at 9.00 s" in answers_html(session)
+    assert "least tip-over margin 4.0° at 9.00 s" in str(PANELS["answers"](session))
     assert "hold" in events_html(session)
     assert "rearmed" not in events_html(session)
     session.ghost = Fork(feed=session.feed, from_s=2.0, name="none", began_at=0.0)

@@ -199,7 +199,9 @@ def track_parts(chair: ChairDescription, belts: Belts | None = None) -> tuple[Me
     strips = _tip(out, surface), _tip(out, wheel)
     parts = [part(f"belt_{side}", "chair", [band(*loops, *_across(tracks, y), closed=True)], "belt") for side, y in sides(tracks)]
     parts += _running_gear(tracks, "chair", pulleys, wheel)
-    parts.append(part("axles", "chair", [_axle(tracks, at, wheel) for at in pulleys], "drive"))
+    half = 0.5 * (tracks.gauge_m - 0.4 * tracks.belt_width_m)
+    axles = [cylinder((x, -half, z), (x, half, z), 0.17 * wheel, sides=10) for x, z in pulleys]
+    parts.append(part("axles", "chair", axles, "drive"))
     if fixed:
         return tuple(parts)
     for side, y in sides(tracks):
@@ -274,8 +276,3 @@ def _pulley(centre: tuple[float, float, float], radius: float, half_width: float
     profile = [(-0.55 * w, 0.28), (-0.55 * w, 0.78), (-w, 0.84), (-w, 1.0), (w, 1.0), (w, 0.84), (0.55 * w, 0.78), (0.55 * w, 0.28)]
     hub = [(-0.9 * w, 0.22), (-0.9 * w, 0.28), *profile, (0.9 * w, 0.28), (0.9 * w, 0.22)]
     return lathe((x, y, z), (x, y + 1.0, z), [(along, share * radius, share * radius) for along, share in hub], sides=18)
-
-
-def _axle(tracks: Tracks, at: tuple[float, float], wheel: float) -> Mesh:
-    half = 0.5 * (tracks.gauge_m - 0.4 * tracks.belt_width_m)
-    return cylinder((at[0], -half, at[1]), (at[0], half, at[1]), 0.17 * wheel, sides=10)
