@@ -20,7 +20,7 @@ def demo(*, host: str = "127.0.0.1", port: int | None = None, no_browser: bool =
         no_browser: Print the address and open no browser.
         seconds: Time after which the demo ends [s]. Default: until Ctrl-C.
     """
-    from treadline.view.demonstration import LiveOffer, open_demonstration
+    from treadline.view.opening import LiveOffer, open_demonstration
 
     server, handlers = open_server("demo", host, port)
     try:

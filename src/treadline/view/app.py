@@ -18,7 +18,7 @@ from treadline.view._plots import LOADING, add_plot, plot_data, shown_plots
 from treadline.view._scene import NARROW_CAMERA_M, NARROW_LOOK_AT_M, SHOWN, SceneView
 from treadline.view._session import SPEEDS, TRANSPORT, Session
 from treadline.view._what_if import FORKS, FRICTION_MAX, FRICTION_MIN, INJECTIONS, ChangeForm
-from treadline.view.demonstration import LiveOffer
+from treadline.view.opening import LiveOffer
 from treadline.view.server import GuardedServer
 
 TEXT_S, PLOT_S = 0.1, 0.4

@@ -33,7 +33,6 @@ from treadline.plant.sensors._free_ground import SIGMA_M, GroundAhead
 from treadline.plant.sensors.camera import Camera
 from treadline.plant.sensors.imu import IMUS, Imu
 from treadline.plant.sensors.statistical_camera import EXACT_PLACE_M, StatisticalCamera
-from treadline.scenario.camera_file import KINECT_1
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.scenario import Chair, Realism, Scenario
 from treadline.vehicle.loading import payload_com, payload_origin
@@ -98,8 +97,6 @@ class Encoder:
         return (math.floor(self._travel_counts) - before) / (self._counts_m * TICK_S)
 
 
-CAMERA_PERIOD_S = 1.0 / KINECT_1.rate_hz
-"""Frame period of the camera [s] (Table I: 10 Hz)."""
 SUPPORT_TICKS = 25
 """Number of ticks during which a contact counts as support: contacts of a rocking chair are intermittent, and a chair drives 5 cm
 in a quarter of a second."""

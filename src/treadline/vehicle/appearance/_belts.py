@@ -32,8 +32,6 @@ from treadline.vehicle.appearance._mesh import (
 from treadline.vehicle.bodies import sides
 from treadline.vehicle.tracks import pulley_centres, road_wheels
 
-SMOOTH_LUG_M = 1e-3 * LUGS_MM["8/60"][0]
-"""Height of the lugs drawn on a belt without lugs in the scenario [m]: the lowest named profile."""
 BELT_SHARE = 0.1
 """Thickness of the belt below the lugs over the pulleys' radius (drawn only)."""
 ARC_POINTS = 13
@@ -117,10 +115,11 @@ def _advanced(x: Any, z: Any, heading: Any, curvature: Any, length: Any) -> tupl
 def lug_profile(belts: Belts | None) -> tuple[float, float, float, float]:
     """Return height, pitch, tip width and flank length of the drawn lugs [m].
 
-    A smooth belt is drawn with the pitch of its settings and with lugs of ``SMOOTH_LUG_M``: without lugs its motion is invisible.
+    A smooth belt is drawn with the pitch of its settings and the height of the lowest named profile: without lugs its motion is
+    invisible.
     """
     height, pitch, tip, flank = (Belts() if belts is None else belts).measures_m
-    return height or SMOOTH_LUG_M, pitch, tip, flank
+    return height or 1e-3 * LUGS_MM["8/60"][0], pitch, tip, flank
 
 
 def lug_part(chair: ChairDescription, belts: Belts | None = None) -> MeshPart:
