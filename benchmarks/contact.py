@@ -30,9 +30,9 @@ from treadline.plant.mujoco import _step_kernels as kernels
 from treadline.scenario.chair import GRAVITY_M_S2, read_chair
 from treadline.scenario.scenario import Chair, Stair
 from treadline.vehicle.bodies import vehicle
+from treadline.vehicle.loading import centre_of_mass
 from treadline.vehicle.quasi_static import QuasiStaticRun, quasi_static_run
 from treadline.vehicle.stair_solids import stair_solids
-from treadline.vehicle.static_stability import centre_of_mass
 
 sys.path.append(str(Path(__file__).parents[1] / "tests" / "plant" / "mujoco"))
 from oracles.dynamic_coulomb import dynamic_run

@@ -42,7 +42,7 @@ def scenarios() -> dict[str, str]:
         >>> "up-28" in tl.scenarios()
         True
     """
-    from treadline.core.printed_dict import PrintedDict
+    from treadline.core.printing import PrintedDict
     from treadline.scenario import shipped_scenarios
 
     first = {name: path.read_text(encoding="utf-8").partition("\n")[0] for name, path in shipped_scenarios().items()}
@@ -341,7 +341,7 @@ class Run(Printable):
     @property
     def series(self) -> "dict[str, np.ndarray]":
         """Time series at 100 Hz by column name, as in ``series.csv``: angles in degrees, everything else in SI units."""
-        from treadline.core.printed_dict import PrintedDict
+        from treadline.core.printing import PrintedDict
         from treadline.run.recorded_run import series
 
         return PrintedDict("time series at 100 Hz", series(self.episode.trace, self.episode.estimate_rad))

@@ -14,7 +14,7 @@ from treadline.core.linear_systems import (
     fit_percent,
     h_step_rmse,
     initial_state,
-    one_step_residuals,
+    predictions,
     prefix,
     simulate,
     vaf_percent,
@@ -30,6 +30,10 @@ GAIN = np.array([[0.6, 0.1], [0.2, 0.4]])
 def innovations(eq_12: LinearModel) -> LinearModel:
     """Return Eq. (12) with an innovation gain and offsets."""
     return replace(eq_12, input_offset=np.array([0.2, 0.2]), output_offset=np.array([0.3, 0.0]), observer_gain=GAIN)
+
+
+def one_step_residuals(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, "T p"]:
+    return np.asarray(record.y - predictions(model, record))
 
 
 def driven(model: LinearModel, samples: int, seed: int, size: float = 1.0) -> tuple[InputOutputRecord, Float[np.ndarray, "T p"]]:

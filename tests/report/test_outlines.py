@@ -7,7 +7,7 @@ import pytest
 from drawings.paper_figures import ABOVE
 
 from treadline.core.rotations import rotation_x, rotation_z
-from treadline.report.side_view import SIDE, Loop, silhouettes
+from treadline.report.side_view import SIDE, Loop, area_m2, silhouettes
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair
 from treadline.vehicle.appearance import body_poses, chair_parts
@@ -37,7 +37,9 @@ def test_the_area_of_a_turned_box_is_the_sum_of_its_visible_faces() -> None:
     size, R = (0.2, 0.3, 0.5), rotation_z(0.4) @ rotation_x(0.7)
     (shape,) = _of(box((0.0, 0.0, 0.0), size).moved((0.0, 0.0, 0.0), R))
     faces = np.array([size[1] * size[2], size[0] * size[2], size[0] * size[1]])
-    assert shape.area_m2 == pytest.approx(float(faces @ np.abs(R[1])), rel=1e-5)  # vertices are kept in single precision
+    assert max(map(area_m2, shape.loops)) == pytest.approx(
+        float(faces @ np.abs(R[1])), rel=1e-5
+    )  # vertices are kept in single precision
 
 
 def test_a_ring_has_an_outer_line_and_a_hole_that_runs_the_other_way() -> None:

@@ -10,8 +10,7 @@ from scipy.optimize import linprog
 from treadline.mission.entry_check import reject_reason
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Chair, Scenario
-from treadline.vehicle.static_stability import static_margins
-from treadline.vehicle.tip_over_margin import worst_support
+from treadline.vehicle.tip_over_margin import static_margins, worst_support
 from treadline.vehicle.tracks import track_on_stair_m
 from treadline.vehicle.verdict import check
 

@@ -17,11 +17,11 @@ from treadline.plant.mujoco._mjcf_scene import model_xml
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Chair, Scenario, Stair, Start
 from treadline.vehicle.bodies import vehicle
+from treadline.vehicle.loading import centre_of_mass
 from treadline.vehicle.sdf import divided, sdf_model, sdf_world
 from treadline.vehicle.stair_solids import stair_boxes, stair_solids
 from treadline.vehicle.staircase import Staircase, as_designed, build_staircase
 from treadline.vehicle.start_pose import standing
-from treadline.vehicle.static_stability import centre_of_mass
 from treadline.vehicle.urdf import roll_pitch_yaw, urdf
 
 CHAIRS = ("wheelchair", "wheelchair-fixed", "rescue")

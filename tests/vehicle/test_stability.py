@@ -11,8 +11,8 @@ from treadline.core.angles import DEG
 from treadline.core.rotations import rotation_x, rotation_y, rotation_z
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Chair
-from treadline.vehicle.static_stability import centre_of_mass, seat_mass_kg, static_margins
-from treadline.vehicle.tip_over_margin import Margins, Support, tipping_margins, worst_support
+from treadline.vehicle.loading import centre_of_mass
+from treadline.vehicle.tip_over_margin import Margins, Support, static_margins, tipping_margins, worst_support
 
 CHAIR = read_chair("wheelchair-fixed")
 RUN_M = 0.30
@@ -38,7 +38,7 @@ def downhill_margin_by_plumb_line(slope_rad: float, payload_kg: float) -> float:
     hinge = CHAIR.seat.hinge_m[0] * along + CHAIR.seat.hinge_m[2] * normal
     payload = hinge + np.array([CHAIR.seat.payload_com_m[0], CHAIR.seat.payload_com_m[2]])
     chassis = CHAIR.masses.chassis_com_m[0] * along + CHAIR.masses.chassis_com_m[2] * normal
-    seat_kg = seat_mass_kg(CHAIR, Chair(payload_kg=payload_kg))
+    seat_kg = CHAIR.empty_seat_kg + payload_kg
     com = (CHAIR.masses.chassis_kg * chassis + seat_kg * payload) / (CHAIR.masses.chassis_kg + seat_kg)
     rear_edge = (pitch_of(slope_rad) - 0.5 * CHAIR.tracks.flat_run_m) * along
     across, up = com - rear_edge
@@ -133,7 +133,7 @@ def test_the_support_lies_within_the_nosings_touched_at_every_phase(pitch: float
 def test_the_payload_turns_about_the_hinge(angle: float, payload: float, shift: float) -> None:
     loading = Chair(payload_kg=payload, seat_shift_m=shift)
     com = np.array(centre_of_mass(CHAIR, loading, angle))
-    seat_kg, chassis_kg = seat_mass_kg(CHAIR, loading), CHAIR.masses.chassis_kg
+    seat_kg, chassis_kg = CHAIR.empty_seat_kg + loading.payload_kg, CHAIR.masses.chassis_kg
     hinge = np.array(CHAIR.seat.hinge_m) + np.array([shift, 0.0, 0.0])
     # Forward is a positive turn about y: z towards x.
     seat = hinge + rotation_y(angle) @ np.array(CHAIR.seat.payload_com_m)

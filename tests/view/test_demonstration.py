@@ -9,7 +9,7 @@ import pytest
 
 from treadline.playback import read_recording
 from treadline.scenario.scenario import read_scenario
-from treadline.view.demonstration import RECORDING, SCENARIO, LiveOffer, open_demonstration
+from treadline.view.opening import RECORDING, SCENARIO, LiveOffer, open_demonstration
 
 from .conftest import a_run, session_of
 
@@ -59,8 +59,8 @@ def test_the_live_run_is_offered_once_the_kernels_are_compiled(monkeypatch: pyte
         def terminate(self) -> None:
             commands.append(["terminated"])
 
-    monkeypatch.setattr("treadline.view.demonstration.subprocess.Popen", Compiling)
-    monkeypatch.setattr("treadline.view.demonstration.FIRST_PICTURE_S", 0.0)
+    monkeypatch.setattr("treadline.view.opening.subprocess.Popen", Compiling)
+    monkeypatch.setattr("treadline.view.opening.FIRST_PICTURE_S", 0.0)
     offer = LiveOffer()
     assert not offer.is_ready
     assert "The recording plays" in offer.status

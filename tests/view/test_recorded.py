@@ -28,7 +28,7 @@ from treadline.view._feed import Feed
 from treadline.view._images import frames_of, pictures_of
 from treadline.view._live_run import LiveRun
 from treadline.view._messages import ImageOrder, Order, ShownFrame
-from treadline.view._panels import answers_html, camera_html
+from treadline.view._panels import PANELS, camera_html
 from treadline.view._session import RunMoments, Session
 from treadline.view.opening import is_recorded, open_recorded
 
@@ -78,7 +78,7 @@ def test_a_live_run_is_the_recording_of_its_log(folder: Path, live: Feed) -> Non
     assert of_run.margin == of_log.margin != ""
     assert [moment.name for moment in of_run.listed] == [moment.name for moment in of_log.listed]
     assert [answer["label"] for answer in of_run.answers] == [answer["label"] for answer in of_log.answers]
-    assert "of the whole run" in answers_html(Session(feed=shown))
+    assert "of the whole run" in str(PANELS["answers"](Session(feed=shown)))
 
 
 def test_the_images_of_a_log_show_what_the_detector_saw_in_the_run(frames: list[ShownFrame], live: Feed) -> None:

@@ -136,10 +136,6 @@ def check_draw(draw: Draw, where: str) -> None:
     _check_when(draw.when, where)
 
 
-def _is_multiple(value: object) -> bool:
-    return isinstance(value, Mapping) and "times" in value
-
-
 def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST
 
@@ -159,7 +155,9 @@ def _check_bound(bound: object, where: str) -> None:
 
 
 def _bound(bound: Any, tables: Tables) -> Any:
-    return bound["times"] * get_value(tables, bound["of"]) + bound.get("plus", 0.0) if _is_multiple(bound) else bound
+    if isinstance(bound, Mapping) and "times" in bound:
+        return bound["times"] * get_value(tables, bound["of"]) + bound.get("plus", 0.0)
+    return bound
 
 
 def _check_when(when: object, where: str) -> None:

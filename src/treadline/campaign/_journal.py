@@ -94,7 +94,8 @@ class Journal:
         Raises:
             TreadlineError: If the file cannot be written, for example on a full disk; earlier lines stay readable.
         """
-        line = _sealed(json.dumps(row, allow_nan=False).encode()) + b"\n"
+        content = json.dumps(row, allow_nan=False).encode()
+        line = content[:-1] + CHECKSUM + _crc(content) + b'"}\n'
         try:
             # A disk may fill up within a line: an unbuffered write returns the bytes written, and the next write the error.
             written = self._file.write(line)
@@ -174,11 +175,6 @@ class Journal:
         return TreadlineError(
             f"{self._path}: cannot be written: {error.strerror or error}; {len(self)} runs are kept there: {remedy}"
         )
-
-
-def _sealed(line: bytes) -> bytes:
-    """Return a JSON object with the CRC-32 of its text as last value."""
-    return line[:-1] + CHECKSUM + _crc(line) + b'"}'
 
 
 def _crc(line: bytes) -> bytes:

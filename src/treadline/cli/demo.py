@@ -20,6 +20,6 @@ def demo(*, host: str = "127.0.0.1", port: int | None = None, no_browser: bool =
         no_browser: Print the address and open no browser.
         seconds: Time after which the demo ends [s]. Default: until Ctrl-C.
     """
-    from treadline.view.demonstration import LiveOffer, open_demonstration
+    from treadline.view.opening import LiveOffer, open_demonstration
 
     return serve("demo", open_demonstration, host=host, port=port, no_browser=no_browser, seconds=seconds, offer=LiveOffer())

@@ -46,8 +46,15 @@ def message_of(error: ValidationError, model: type[BaseModel], where: str, text:
         where: Name of the settings.
         text: TOML text of the settings, for the line number; None for settings that are no file.
     """
-    line = None if text is None else line_of(text, _place(_ordered(error)[0]))
-    return f"{where}{'' if line is None else f':{line}'}: {_first_problem(error, model)}"
+    # Unknown keys first: a misspelt key is also a missing one.
+    problems = sorted(error.errors(include_url=False), key=lambda problem: problem["type"] != "extra_forbidden")
+    first, place = problems[0], _place(problems[0])
+    line = None if text is None else line_of(text, place)
+    key = ".".join(part if isinstance(part, str) and part.isprintable() else repr(part) for part in place)
+    others = {_place(problem) for problem in problems} - {place}
+    more = f" (and {len(others)} more)" if others else ""
+    named = f"{key}: " if first["loc"] else ""
+    return f"{where}{'' if line is None else f':{line}'}: {named}{_what_is_wrong(first, key, model)}{more}"
 
 
 def line_of(text: str, place: Place) -> int | None:
@@ -72,22 +79,6 @@ def line_of(text: str, place: Place) -> int | None:
 def allowed_at(model: type[BaseModel], place: Place) -> str:
     """Return the allowed values of a key in words: ``a number from 0.05 to 0.3``."""
     return _wanted(_schema_at(model, place), ".".join(str(part) for part in place))
-
-
-def _ordered(error: ValidationError) -> list[ErrorDetails]:
-    """Return the errors, unknown keys first: a misspelt key is also a missing one."""
-    return sorted(error.errors(include_url=False), key=lambda problem: problem["type"] != "extra_forbidden")
-
-
-def _first_problem(error: ValidationError, model: type[BaseModel]) -> str:
-    """Return the first error with its key, and the number of further errors."""
-    problems = _ordered(error)
-    first, place = problems[0], _place(problems[0])
-    others = {_place(problem) for problem in problems} - {place}
-    key = ".".join(part if isinstance(part, str) and part.isprintable() else repr(part) for part in place)
-    message = _what_is_wrong(first, key, model)
-    more = f" (and {len(others)} more)" if others else ""
-    return f"{key}: {message}{more}" if first["loc"] else f"{message}{more}"
 
 
 def _place(problem: ErrorDetails) -> Place:

@@ -171,11 +171,6 @@ def _observed(model: StateSpaceModel, record: InputOutputRecord, x0: Float[np.nd
     return np.asarray(observer_run(writeable(model.A), closed, v @ model.B.T, correction, whole, x0))
 
 
-def one_step_residuals(model: StateSpaceModel, record: InputOutputRecord) -> Float[np.ndarray, "T p"]:
-    """Return the innovations: errors of the observer's one-step prediction."""
-    return np.asarray(record.y - predictions(model, record))
-
-
 def vaf_percent(y: Float[np.ndarray, "T p"], residuals: Float[np.ndarray, "T p"]) -> Float[np.ndarray, " p"]:
     """Return the variance accounted for [%] per output; NaN if the residuals diverge."""
     counts = [np.maximum((~np.isnan(item)).sum(axis=0), 1) for item in (residuals, y)]

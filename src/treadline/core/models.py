@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from treadline.core.model_scores import Comparison
-    from treadline.core.responses import FrequencyResponse, TimeResponse
+    from treadline.core.transfer_function import FrequencyResponse, TimeResponse
 
 __all__ = ["BAG_SUFFIXES", "LOG_SUFFIXES", "ControllerDesign", "InputOutputRecord", "LinearModel", "Reconstruct"]
 Reconstruct = Literal["observer", "static"]
@@ -224,7 +224,7 @@ class LinearModel(StateSpaceModel, Printable, Plottable):
             >>> lag.step(3).y.ravel()
             array([0. , 1. , 1.5])
         """
-        from treadline.core.responses import time_response
+        from treadline.core.transfer_function import time_response
 
         return time_response(self, "step", steps)
 
@@ -242,7 +242,7 @@ class LinearModel(StateSpaceModel, Printable, Plottable):
             >>> lag.impulse(3).y.ravel()
             array([0. , 1. , 0.5])
         """
-        from treadline.core.responses import time_response
+        from treadline.core.transfer_function import time_response
 
         return time_response(self, "impulse", steps)
 
@@ -264,7 +264,7 @@ class LinearModel(StateSpaceModel, Printable, Plottable):
             >>> lag.bode([5.0]).response.real.round(3)
             array([[[-0.667]]])
         """
-        from treadline.core.responses import bode
+        from treadline.core.transfer_function import bode
 
         return bode(self, frequency_hz)
 

@@ -62,6 +62,20 @@ class Printable(ABC):
         return f"<table><caption>{escape(title)}</caption>{cells}</table>"
 
 
+class PrintedDict(Printable, dict[str, Any]):
+    """Text or arrays by name, printed as a table: of an array, its length and range."""
+
+    __slots__ = ("title",)
+
+    def __init__(self, title: str, entries: Mapping[str, Any]) -> None:
+        super().__init__(entries)
+        self.title = title
+
+    def printed(self) -> tuple[str, list[tuple[str, str]]]:
+        """Return the title and each entry."""
+        return self.title, [(name, item if isinstance(item, str) else _range(item)) for name, item in self.items()]
+
+
 class Brief:
     """Base of dataclasses with arrays: printed on one line, arrays by type and shape, results and tables by their kind."""
 
@@ -95,6 +109,11 @@ def _brief(value: Any) -> str:
     if isinstance(value, Printable | Mapping):
         return f"<{type(value).__name__}>"
     return f"<{'×'.join(map(str, value.shape))} {value.dtype}>" if getattr(value, "size", 0) > SHOWN_ITEMS else repr(value)
+
+
+def _range(samples: Any) -> str:
+    known = samples[samples == samples]  # noqa: PLR0124 - NaN differs from itself
+    return f"{len(samples)} samples" + (f" from {known.min():.4g} to {known.max():.4g}" if len(known) else "")
 
 
 def p_text(value: float | None) -> str:

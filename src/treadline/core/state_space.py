@@ -49,7 +49,8 @@ class InputOutputRecord(Brief):
             raise ShapeMismatch(
                 f"the record has {self.u.shape[0]} inputs but {self.y.shape[0]} outputs in time; cut both to one length"
             )
-        _check_number("dt_s", self.dt_s)
+        if not isinstance(self.dt_s, Real):
+            raise ModelError(f"dt_s is {self.dt_s!r}, of type {type(self.dt_s).__name__}; wanted a number")
         if not 0.0 < self.dt_s < math.inf:
             raise ModelError(f"the record's period is {self.dt_s} s; it must be positive and finite")
 
@@ -187,11 +188,6 @@ def _delays(given: Iterable[Any], inputs: int) -> tuple[int, ...]:
     if not whole or len(delays) != inputs:
         raise ModelError(f"input_delay is {list(delays)}; give one whole number of samples per input ({inputs}), from 0 up")
     return tuple(int(delay) for delay in delays)
-
-
-def _check_number(name: str, given: object) -> None:
-    if not isinstance(given, Real):
-        raise ModelError(f"{name} is {given!r}, of type {type(given).__name__}; wanted a number")
 
 
 def store_checked(owner: object, name: str, shape: tuple[int, ...]) -> None:

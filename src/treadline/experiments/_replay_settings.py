@@ -101,7 +101,9 @@ class ReplaySettings:
     @property
     def detector(self) -> DetectorConfig:
         """Settings of the stair detector."""
-        return replace(self.changed(_detector(self.mission), "detector"), method=self.mission.vision)
+        return replace(
+            self.changed(DetectorConfig(swept_half_m=self.mission.chair.swept_half_m), "detector"), method=self.mission.vision
+        )
 
     @property
     def depth_unit_m(self) -> float:
@@ -195,10 +197,6 @@ def camera_items(camera: CameraFile) -> tuple[str, ...]:
     return tuple(f"camera.{name}={json.dumps(getattr(camera, name))}" for name in given)
 
 
-def _detector(base: MissionConfig) -> DetectorConfig:
-    return DetectorConfig(swept_half_m=base.chair.swept_half_m)
-
-
 def key_table(base: MissionConfig) -> dict[str, tuple[str, str]]:
     """Return every key with its default (a description where there is none) and its meaning, empty if the name is sufficient."""
     return {
@@ -225,7 +223,7 @@ def _keys_of(base: MissionConfig) -> dict[str, Key]:
     }
     written = meanings(Control) | meanings(DriveSettings)
     blocks = {
-        "detector": _detector(base),
+        "detector": DetectorConfig(swept_half_m=base.chair.swept_half_m),
         "filter": FilterConfig(),
         "offset": AberrationRule(),
         "guard": guard_config(base, PERIOD_S),

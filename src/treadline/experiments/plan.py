@@ -13,8 +13,8 @@ from treadline.core import paper
 from treadline.run.excitation_run import long_enough
 from treadline.scenario.scenario import Chair, DriveSettings, Scenario, Sensors, Stair, Start
 
-SLOPES_DEG = (25, 28, 30)
-STARTS_DEG = (30, -30)
+SLOPES_DEG = tuple(dict.fromkeys(slope for slope, _ in paper.TABLE_II))
+STARTS_DEG = tuple(paper.TABLE_II_AVERAGE)
 TABLE_SPEED_M_S = 0.2
 GRAVITY_ERROR_DEG = 0.5
 """Tilt of the IMU's gravity direction in the reported runs [°]: typical of a low-cost IMU after calibration."""

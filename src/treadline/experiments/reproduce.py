@@ -76,7 +76,8 @@ def reproduce_paper(plan: ReproducePlan, out: Path, *, workers: int, progress: _
         controller, fig08_by_ground = learn(plan, excited(), out)
         driven = pool.begin(_drives(plan, controller, runs))
         seat, stages, printed, steered, *opened = steerless()
-        safe, sliding, closed, lugged = _by_kind(driven())
+        kinds, drives = ("turn", "turn-rollback", "straight", "lugs"), driven()
+        safe, sliding, closed, lugged = ([run for run in drives if run["kind"] == kind] for kind in kinds)
         progress.running("speed of the simulation")
         values: dict[str, Any] = plain(
             {
@@ -179,11 +180,6 @@ def _cost(job: RunJob) -> float:
     """Return the processor time that a run takes, up to a factor."""
     is_rendered = job.scenario.sensors.camera_model != "statistical" and job.scenario.control.vision != "truth"
     return job.scenario.drive.duration_s * (RENDERED_COST if is_rendered else 1.0)
-
-
-def _by_kind(results: list[dict[str, Any]]) -> tuple[list[dict[str, Any]], ...]:
-    """Return the results of ``_drives`` by kind: safe turns, turns with roll-back allowed, straight climbs, belts with lugs."""
-    return tuple([run for run in results if run["kind"] == kind] for kind in ("turn", "turn-rollback", "straight", "lugs"))
 
 
 def _physics_real_time_factor() -> float:

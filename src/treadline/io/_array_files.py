@@ -36,11 +36,6 @@ _OPAQUE = 17
 _NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 
 
-def _name_of(column: str) -> str:
-    """Return the array name of a column."""
-    return _PLACE.sub("", column)
-
-
 def _if_numeric(array: _Read, name: str) -> np.ndarray | None:
     """Return an array, or None for one without numbers, as a clock of text: no channel, and no reason to reject the file."""
     try:
@@ -51,7 +46,7 @@ def _if_numeric(array: _Read, name: str) -> np.ndarray | None:
 
 def _table_of(file: Path, wanted: tuple[str, ...], there: Sequence[str], array: _Read, period_s: float | None) -> Table:
     """Return the requested columns as one table; a matrix asked for by its name gives all its columns."""
-    names = [there[place_of(file, _name_of(column), there)] for column in wanted]
+    names = [there[place_of(file, _PLACE.sub("", column), there)] for column in wanted]
     chosen = [_columns(file, column, array(name)) for column, name in zip(wanted, names, strict=True)]
     columns = [item for part in chosen for item in part]
     for name, values in columns:
@@ -104,7 +99,7 @@ def _check_bytes(file: Path, size: int) -> None:
 
 def _columns(file: Path, column: str, values: Shaped[np.ndarray, "..."]) -> list[tuple[str, Shaped[np.ndarray, " n"]]]:
     """Return the column that a name means, or all columns of a matrix, with their names."""
-    name, found = _name_of(column), _PLACE.search(column)
+    name, found = _PLACE.sub("", column), _PLACE.search(column)
     place = int(found[1]) if found else None
     if values.ndim <= 2 and values.size == max(values.shape, default=0) and place in {None, 0}:
         return [(column, values.reshape(-1))]  # MATLAB stores a vector as a matrix with one row or one column

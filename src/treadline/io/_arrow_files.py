@@ -10,10 +10,7 @@ from jaxtyping import Float64
 
 from treadline.core.errors import LogFormatError
 from treadline.io._clock import Seconds, Ticks, TimeColumn, clocks_of
-from treadline.io._tables import Log, Table, check_count, place_of
-
-BATCH_ROWS = 65_536
-"""Number of rows per batch: 5 MB with ten columns."""
+from treadline.io._tables import BLOCK_ROWS, Log, Table, check_count, place_of
 
 
 class ArrowLog(Log):
@@ -41,7 +38,7 @@ class ArrowLog(Log):
         seconds = None if clock is None else Seconds(clock, self._period_s)
         self._size, self._done = max(data.count_rows(), 1), 0
         columns = list(dict.fromkeys([*names, *ticking]))
-        for batch in data.to_batches(columns=columns, batch_size=BATCH_ROWS, use_threads=False, batch_readahead=0):
+        for batch in data.to_batches(columns=columns, batch_size=BLOCK_ROWS, use_threads=False, batch_readahead=0):
             batch.validate(full=True)
             values = np.empty((len(batch), len(names)))
             for j, name in enumerate(names):

@@ -122,7 +122,8 @@ class _Channels:
             raise LogFormatError(f"more than {mcap_read.MAX_MESSAGES} messages on {topic.name}")
         channel.values.extend([_number(message, name, steps) for name, steps in channel.columns.items()])
         channel.times.append(time_ns)
-        channel.stamps.append(_stamp(message))
+        stamp = getattr(getattr(message, "header", None), "stamp", None)
+        channel.stamps.append(0 if stamp is None else int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec))
 
     def series(self) -> dict[str, _Series]:
         """Return times and values of each column.
@@ -173,12 +174,6 @@ class _Channels:
 
 def _slashed(topic: str) -> str:
     return "/" + topic.lstrip("/")
-
-
-def _stamp(message: Any) -> int:
-    """Return the stamp in a message header [ns], 0 without header."""
-    stamp = getattr(getattr(message, "header", None), "stamp", None)
-    return 0 if stamp is None else int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
 
 
 def _number(message: Any, name: str, steps: list[str | int]) -> float:

@@ -22,10 +22,8 @@ from jaxtyping import Int, Shaped
 from treadline.core.errors import LogFormatError, ShapeMismatch
 from treadline.io._clock import Seconds
 from treadline.io._sheet import Row, Sheet, sheet_of
-from treadline.io._tables import MAX_BYTES, Log, Table, check_count, listed
+from treadline.io._tables import BLOCK_ROWS, MAX_BYTES, Log, Table, check_count, listed
 
-BLOCK_ROWS = 65_536
-"""Number of lines per block: 5 MB with five columns."""
 MAX_LINE = 1 << 20
 """Longest accepted line [characters]: 50,000 columns."""
 

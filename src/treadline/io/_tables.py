@@ -24,6 +24,8 @@ MOST_NAMED = 12
 """Largest number of names listed in an error message."""
 LONGEST_NAME = 80
 """Largest number of characters of a name in an error message."""
+BLOCK_ROWS = 65_536
+"""Number of rows that are read at a time: 5 MB with ten columns."""
 MAX_BYTES = 1024**3
 """Largest size of what is unpacked from a file [bytes]."""
 MOST_ROWS = 10_000_000
@@ -215,7 +217,7 @@ def period_of(table: Table, t_s: Times, period_s: float | None, before_s: float 
     steps = _steps(t_s, before_s)
     back = np.flatnonzero(steps <= 0.0)
     if back.size:
-        where = _behind(table, int(back[0]), before_s)
+        where = table.where(int(back[0]) + (before_s is None))
         raise RecordError(f"{where}: column '{table.clock}' does not increase; cut the recording there, or remove repeated rows")
     if period_s is not None:
         return period_s
@@ -245,7 +247,7 @@ def uneven(
     elif places is not None and (before_s is not None or len(t_s) >= (1.0 - GAP_SHARE) * (places[-1] + 1.0)):
         remedy = f"if rows are missing, pass --allow-gaps, else {remedy.removeprefix('pass ')}"
     return PeriodMismatch(
-        f"{_behind(table, k, before_s)}: a step of {steps[k]:.4g} s where the period is {period_s:.4g} s; {remedy}"
+        f"{table.where(k + (before_s is None))}: a step of {steps[k]:.4g} s where the period is {period_s:.4g} s; {remedy}"
     )
 
 
@@ -303,8 +305,3 @@ def rows_of(what: str, first: float, last: float, period: float) -> int:
 
 def _steps(t_s: Times, before_s: float | None) -> Float64[np.ndarray, " k"]:
     return np.diff(t_s) if before_s is None else np.diff(t_s, prepend=before_s)
-
-
-def _behind(table: Table, k: int, before_s: float | None) -> str:
-    """Return the location of the row at the end of step k."""
-    return table.where(k + 1 if before_s is None else k)

@@ -23,7 +23,12 @@ def write_model(model: LinearModel, path: Path) -> None:
     Raises:
         SettingsError: If the suffix is neither ``.json`` nor ``.mat``.
     """
-    if _suffix(path) == ".json":
+    if path.is_dir():
+        raise SettingsError(f"{path}: is a folder; give a file name, model.json or model.mat")
+    suffix = path.suffix.lower()
+    if suffix not in {".json", ".mat"}:
+        raise SettingsError(f"{path}: unsupported model format '{suffix}'; supported: .json, .mat")
+    if suffix == ".json":
         model.save(path)
         return
     variables: dict[str, Any] = {
@@ -41,12 +46,3 @@ def write_model(model: LinearModel, path: Path) -> None:
     data = io.BytesIO()
     savemat(cast("Any", data), variables, oned_as="column")
     write_whole(path, data.getvalue())
-
-
-def _suffix(path: Path) -> str:
-    if path.is_dir():
-        raise SettingsError(f"{path}: is a folder; give a file name, model.json or model.mat")
-    suffix = path.suffix.lower()
-    if suffix not in {".json", ".mat"}:
-        raise SettingsError(f"{path}: unsupported model format '{suffix}'; supported: .json, .mat")
-    return suffix

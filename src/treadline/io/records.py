@@ -215,7 +215,10 @@ def _file_of(path: Path) -> Path:
     if not path.exists():
         raise LogFormatError(f"{path}: no such file")
     if path.is_file():
-        _check_readable(path)
+        try:
+            path.open("rb").close()
+        except OSError as error:
+            raise LogFormatError(f"{path}: {error.strerror or error}") from None
         return path
     if not path.is_dir():
         raise LogFormatError(f"{path}: neither a file nor a folder")
@@ -237,13 +240,6 @@ def _of_a_run(path: Path, error: LogFormatError) -> LogFormatError:
         f"{path}: no {RECORD}: the run was interrupted, or made by climb; make a record with treadline excite, or name topics "
         f"of its log ({error})"
     )
-
-
-def _check_readable(file: Path) -> None:
-    try:
-        file.open("rb").close()
-    except OSError as error:
-        raise LogFormatError(f"{file}: {error.strerror or error}") from None
 
 
 def _open_log(file: Path, wanted: tuple[str, ...], period_s: float | None) -> Log | None:

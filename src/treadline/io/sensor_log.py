@@ -40,12 +40,6 @@ Calibrate = Callable[[PinholeCamera | None, tuple[int, int]], PinholeCamera | No
 """Function from the log's calibration (None without one) and image size (width, height) to the calibration to use."""
 
 
-def as_logged(logged: PinholeCamera | None, size: tuple[int, int]) -> PinholeCamera | None:
-    """Return the log's own calibration."""
-    del size
-    return logged
-
-
 class SensorLog:
     """Recorded sensor readings of one log, in time order.
 
@@ -61,7 +55,7 @@ class SensorLog:
         named: Mapping[str, str] | None = None,
         sealed: bool = False,
         depth_unit_m: float = MILLIMETRE,
-        calibrate: Calibrate = as_logged,
+        calibrate: Calibrate = lambda logged, _size: logged,
     ) -> None:
         """Survey a log.
 

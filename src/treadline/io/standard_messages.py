@@ -201,10 +201,6 @@ def _status_of(message: Any) -> Any:
     return message.status[0]
 
 
-def _values_of(status: Any) -> dict[str, str]:
-    return {item.key: item.value for item in status.values}
-
-
 def _write_plan(plan: MotionPlan, topic: str) -> RosMessage:
     numbers = {"speed_m_s": plan.speed_m_s, "turn_m_s": plan.turn_m_s, "heading_rad": plan.heading_rad}
     numbers |= {"min_inner_speed_ratio": plan.min_inner_speed_ratio, "pitch_feedforward_m_s": plan.pitch_feedforward_m_s}
@@ -216,7 +212,7 @@ def _write_plan(plan: MotionPlan, topic: str) -> RosMessage:
 
 def _read_plan(message: Any, t_s: float) -> MotionPlan:
     found = _status_of(message)
-    numbers = _values_of(found)
+    numbers = {item.key: item.value for item in found.values}
     needs_stair, hold = numbers.pop("needs_stair", None), numbers.pop("hold", None)
     known = {name: float(value) for name, value in numbers.items()}
     flipper = (
@@ -245,7 +241,7 @@ def _write_health(health: HeadingHealth, topic: str) -> RosMessage:
 def _read_health(message: Any, t_s: float) -> HeadingHealth:
     found = _status_of(message)
     fault = _one_of(HeadingFault, found.name) if found.name else None
-    known = {name: float(value) for name, value in _values_of(found).items()}
+    known = {item.key: float(item.value) for item in found.values}
     numbers = {name: known[name] for name in OF_HEALTH}
     return HeadingHealth(t_s=t_s, fault=fault, since_s=known.get("since_s"), cause=found.message or None, **numbers)
 

@@ -241,7 +241,7 @@ def _info(found: Mapping[str, TopicSummary], depth: str, color: str | None) -> s
     """Return the calibration next to the depth or the colour images, or the only one."""
     known = [name for name, item in found.items() if item.kind == CAMERA_INFO]
     for image in (depth, color):
-        siblings = [name for name in known if image is not None and _parent(name) == _parent(image)]
+        siblings = [name for name in known if image is not None and name.rpartition("/")[0] == image.rpartition("/")[0]]
         if siblings:
             return siblings[0]
     return known[0] if len(known) == 1 else None
@@ -263,7 +263,3 @@ def compressed_hint(found: Mapping[str, TopicSummary]) -> str:
     """Return how to make compressed images readable; empty without any."""
     names = [name for name, item in found.items() if item.kind == COMPRESSED]
     return f"; {names[0]} is compressed: republish it raw (ros2 run image_transport republish compressed raw)" if names else ""
-
-
-def _parent(topic: str) -> str:
-    return topic.rpartition("/")[0]

@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float
 
 from treadline.core.angles import DEG
 from treadline.core.rotations import Rotation, Vector3, rotation_of
-from treadline.core.signals import Event
+from treadline.core.signals import ROUNDING_S, Event
 from treadline.io.columns import read_contents
 from treadline.io.mcap_read import has_arrivals
 from treadline.io.runs import LOG
@@ -26,10 +26,9 @@ from treadline.playback._read_run import manifest_of
 from treadline.playback._recording import SLIP_WINDOW_S, Recording
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.faults import EXTENTS, Fault, payload_shift_m
-from treadline.scenario.scenario import Chair
+from treadline.vehicle.loading import centre_of_mass
 from treadline.vehicle.stair_solids import ground_m, stair_surfaces
 from treadline.vehicle.staircase import Staircase
-from treadline.vehicle.static_stability import centre_of_mass
 from treadline.vehicle.tip_over_margin import ROCKING_M, TIP_GAP_M, Margins, Support, tipping_margins
 
 QUALITY = "/camera/quality"
@@ -45,8 +44,6 @@ SILENT_S = 0.3
 CONTACT_M = 0.002
 """Largest gap of a contact between pulley and ground, or between nosing and flipper [m]. From 0.5 mm to 8 mm the share of samples
 whose margin agrees with the simulator's within 2° changes by at most three hundredths."""
-ROUNDING_S = 1e-6
-"""Rounding of stamps [s]."""
 
 Kind = Literal["event", "motion", "fault", "perception"]
 Direction = Literal["forward", "backward", "left", "right"]
@@ -410,17 +407,11 @@ def margins_at(recording: Recording, k: int) -> Margins | None:
     support = support_at(recording.chair, staircase, R_WB, p_WB, flipper_rad)
     if support is None:
         return None
-    loading = _loading(scenario.chair, scenario.fault, float(recording.t_s[k]))
+    chair, t_s = scenario.chair, float(recording.t_s[k])
+    loading = chair.leaning(chair.sway_at(t_s)).moved(payload_shift_m(scenario.fault, t_s))
     com = centre_of_mass(recording.chair, loading, float(recording.seat_rad[k]), flipper_rad)
     up_x, up_y, up_z = R_WB[2].tolist()
     return tipping_margins(com, (up_x, up_y, up_z), support)
-
-
-def _loading(chair: Chair, faults: Iterable[Fault], t_s: float) -> Chair:
-    """Return the load with lean, sway and shifts by faults in its offset."""
-    lean = chair.leaning(chair.sway_at(t_s)) if chair.sways else chair.leaning()
-    offset = tuple(a + b for a, b in zip(lean.payload_offset_m, payload_shift_m(faults, t_s), strict=True))
-    return lean.model_copy(update={"payload_offset_m": offset})
 
 
 def support_at(chair: ChairDescription, staircase: Staircase, R_WB: Rotation, p_WB: Vector3, flipper_rad: float) -> Support | None:

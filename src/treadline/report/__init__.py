@@ -29,7 +29,7 @@ def write_report(folder: Path, each: Callable[[str, Callable[[Any], Any], Sequen
     if (folder / "results.json").exists():
         from treadline.report._reproduction_page import write_reproduction_page
 
-        return write_reproduction_page(folder, each or _in_turn)
+        return write_reproduction_page(folder, each or (lambda _title, function, items: list(map(function, items))))
     if (folder / "result.json").exists():
         from treadline.report._run_page import write_run_page
 
@@ -41,7 +41,3 @@ def write_report(folder: Path, each: Callable[[str, Callable[[Any], Any], Sequen
     if (folder / "manifest.json").exists():
         raise SettingsError(f"{folder}: no result.json: this run was interrupted, or goes on; make it again to report it")
     raise SettingsError(f"{folder}: no results.json and no result.json; give a folder that reproduce, climb or excite finished")
-
-
-def _in_turn(_title: str, function: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:
-    return [function(item) for item in items]

@@ -16,7 +16,7 @@ from matplotlib.ticker import MaxNLocator, NullFormatter
 
 from treadline.core.angles import DEG
 from treadline.core.arrays import decimated
-from treadline.core.responses import TimeResponse, unwrapped_phase
+from treadline.core.transfer_function import TimeResponse, unwrapped_phase
 from treadline.identification.stabilisation import StabilisationDiagram
 from treadline.report._model_runs import answering
 from treadline.report.labels import ColumnLabel

@@ -152,15 +152,15 @@ def table_two(rows: Sequence[Cell], allowed: Sequence[Cell]) -> Figure:
     place = np.arange(len(rows))
     by_start = {(cell.slope_deg, cell.start_heading_deg): cell for cell in allowed}
     sliding = [by_start.get((cell.slope_deg, cell.start_heading_deg)) for cell in rows]
-    axes[0].bar(place - 0.27, [_or_gap(cell.paper_deg) for cell in rows], 0.25, color=GREY, label="paper")
+    axes[0].bar(place - 0.27, np.array([cell.paper_deg for cell in rows], dtype=float), 0.25, color=GREY, label="paper")
     groups: tuple[tuple[str, Sequence[Cell | None], str], ...] = (
         ("climb-safe", rows, BLUE),
         *([("roll-back allowed", sliding, ORANGE)] if any(sliding) else []),
     )
     for k, (name, cells, colour) in enumerate(groups):
-        height = [_or_gap(cell.rms_heading_deg if cell else None) for cell in cells]
+        height = np.array([cell.rms_heading_deg if cell else None for cell in cells], dtype=float)
         spread = [(cell.sd or 0.0) if cell else 0.0 for cell in cells]
-        back = [_or_gap(cell.roll_back_m if cell else None) for cell in cells]
+        back = np.array([cell.roll_back_m if cell else None for cell in cells], dtype=float)
         axes[0].bar(place + 0.27 * k, height, 0.25, yerr=spread, color=colour, label=f"ours, {name}")
         axes[1].bar(place + 0.3 * (k - 0.5), back, 0.28, color=colour, label=f"ours, {name}")
     for ax in axes:
@@ -168,10 +168,6 @@ def table_two(rows: Sequence[Cell], allowed: Sequence[Cell]) -> Figure:
         ax.margins(y=0.4)
         ax.legend(fontsize=7, loc="upper left")
     return figure
-
-
-def _or_gap(value: float | None) -> float:
-    return float("nan") if value is None else value
 
 
 @mpl.rc_context(STYLE)
@@ -272,7 +268,7 @@ def _main_runs(results: Results) -> list[str]:
     turned = [row.run for row in results.fig10[:2]]
     seat = [results.fig11.run] if results.fig11 else []
     printed = [row.run for row in results.literal.runs if row.run is not None] if results.literal else []
-    lugged = [row.run for row in results.lugs if not row.is_turn]
+    lugged = [row.run for row in results.lugs if not row.course.startswith("turn")]
     return [*straight, *turned, *seat, *printed, *lugged]
 
 

@@ -253,11 +253,6 @@ class BeltRun(Part):
     seed: int
     run: RunName
 
-    @property
-    def is_turn(self) -> bool:
-        """Whether the run is a turn on a flight, not a whole traversal."""
-        return self.course.startswith("turn")
-
 
 class Results(Part):
     """``results.json`` of a reproduce folder; parts that are None or empty were not measured."""

@@ -94,7 +94,12 @@ class _Page:
         record, ahead = self._fit()
         self._residuals(record, ahead)
         self._poles()
-        self._copies()
+        names = [item.name for item in self.inputs], [item.name for item in self.outputs]
+        self.values["copies"] = {
+            "Python": as_python(self.model),
+            "MATLAB": as_matlab(self.model),
+            "Transfer function": as_transfer_function(self.model, *names),
+        }
         return page_of(
             "identification.html.j2",
             {name: [short_svg(figure)] for name, figure in self.drawn.items()},
@@ -232,14 +237,6 @@ class _Page:
         self.values["poles"] = _pole_rows(values, spread, self.model.dt_s)
         self.values["discs"] = spread is not None
         self.values["discs_left"] = sum(not radius < figures.DISC_MOST for radius in spread or [])
-
-    def _copies(self) -> None:
-        model, names = self.model, ([item.name for item in self.inputs], [item.name for item in self.outputs])
-        self.values["copies"] = {
-            "Python": as_python(model),
-            "MATLAB": as_matlab(model),
-            "Transfer function": as_transfer_function(model, *names),
-        }
 
 
 def _pole_rows(values: Complex[np.ndarray, " n"], spread: Sequence[float] | None, dt_s: float) -> list[dict[str, str]]:

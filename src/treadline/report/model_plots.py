@@ -11,7 +11,7 @@ from treadline.core.errors import SettingsError
 from treadline.core.files import write_whole
 from treadline.core.model_scores import Comparison
 from treadline.core.models import LinearModel
-from treadline.core.responses import FrequencyResponse, TimeResponse
+from treadline.core.transfer_function import FrequencyResponse, TimeResponse
 from treadline.report import _model_figures as figures
 from treadline.report._model_runs import cut
 from treadline.report.labels import ColumnLabel, channel

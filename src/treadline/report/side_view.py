@@ -43,11 +43,6 @@ class Silhouette:
     """Mean distance of the solid's vertices from the origin towards the viewer [m]."""
     loops: tuple[Loop, ...]
 
-    @property
-    def area_m2(self) -> float:
-        """Area within the longest line [m²]."""
-        return max(_area(loop) for loop in self.loops)
-
 
 def silhouettes(
     parts: Sequence[MeshPart], view: Rotation = SIDE, poses: Mapping[BodyName, Float[np.ndarray, "4 4"]] | None = None
@@ -116,7 +111,8 @@ def _next(after: dict[int, list[int]], at: int) -> int:
     return end
 
 
-def _area(loop: Loop) -> float:
+def area_m2(loop: Loop) -> float:
+    """Return the area within a closed line [m²]."""
     x, y = loop.T
     return 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
 
@@ -127,8 +123,6 @@ LEAST_M2 = 2e-4
 """Smallest projected area of a solid that is drawn: 1.4 cm square, half a pixel of a view 200 px wide."""
 MIDDLE_M = 0.17
 """Lateral distance from the middle within which solids count as neither near nor far [m]."""
-
-Outline = Float[np.ndarray, "_ 2"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -234,7 +228,8 @@ def _stair(staircase: Staircase, across: Float[np.ndarray, "2 3"], p_WB: Vector3
             continue
         # Far ends of a floor or a landing are beyond the view; a clipped outline keeps the numbers short.
         outline[:, 0] = np.clip(outline[:, 0], reach[0] - 0.1, reach[1] + 0.1)
-        drawn.append(f'<polygon points="{_points(outline)}"/>')
+        corners_text = " ".join(f"{x:.3f},{y:.3f}" for x, y in outline)
+        drawn.append(f'<polygon points="{corners_text}"/>')
     return f'<g class="stone">{"".join(drawn)}</g>'
 
 
@@ -243,12 +238,12 @@ def _groups(parts: Sequence[MeshPart]) -> list[_Group]:
     found: dict[tuple[str, BodyName], list[Silhouette]] = {}
     for shape in silhouettes(parts):
         depth = "near" if shape.depth_m > MIDDLE_M else "far" if shape.depth_m < -MIDDLE_M else "middle"
-        if shape.area_m2 >= LEAST_M2:
+        if max(map(area_m2, shape.loops)) >= LEAST_M2:
             found.setdefault((depth, shape.body), []).append(shape)
     return [_Group(body=body, depth=depth, shapes=tuple(shapes)) for (depth, body), shapes in found.items()]
 
 
-def _hull(points: Float[np.ndarray, "n 2"]) -> Outline:
+def _hull(points: Float[np.ndarray, "n 2"]) -> Loop:
     """Return the convex outline of points, anticlockwise from the one farthest to the left."""
     from scipy.spatial import ConvexHull  # a quarter of a second to import
 
@@ -263,15 +258,8 @@ def _use(name: str, turn: Float[np.ndarray, "2 3"], place: Float[np.ndarray, " 2
     return f'<use href="#{name}" transform="matrix({a:.4f} {b:.4f} {c:.4f} {d:.4f} {place[0]:.4f} {place[1]:.4f})"/>'
 
 
-def _path(loops: Sequence[Outline], fill: Colour) -> str:
+def _path(loops: Sequence[Loop], fill: Colour) -> str:
     """Return closed lines as one path; a line within another cuts a hole."""
     lines = "".join("M" + "L".join(f"{x:.3f} {z:.3f}" for x, z in loop) + "Z" for loop in loops)
-    return f'<path d="{lines}" fill="{_hex(fill)}" fill-rule="evenodd"/>'
-
-
-def _points(points: Outline) -> str:
-    return " ".join(f"{x:.3f},{y:.3f}" for x, y in points)
-
-
-def _hex(colour: Colour) -> str:
-    return "#" + "".join(f"{round(255 * value):02x}" for value in colour)
+    painted = "".join(f"{round(255 * value):02x}" for value in fill)
+    return f'<path d="{lines}" fill="#{painted}" fill-rule="evenodd"/>'

@@ -241,16 +241,13 @@ class _EpisodeRecorder:
             if self._sink is not None:
                 self._sink(sample, sample.t_s)
 
-    def _held_s(self) -> float | None:
-        """Return the time of the last hold [s], or None if a person re-armed after the hold."""
-        last = next((event for event in reversed(self._events) if event.name in ("hold", "rearmed")), None)
-        return last.t_s if last is not None and last.name == "hold" else None
-
     def result(self, over: tuple[str, str | None], cpu_s: float) -> Traverse:
         """Return the run."""
         trace, phases = Trace.of(self._truth), tuple(self._phases)
         upward = self._scenario.drive.direction == "up"
-        scores = score(trace, phases, upward=upward, held_s=self._held_s()) if self._truth else None
+        last = next((event for event in reversed(self._events) if event.name in ("hold", "rearmed")), None)
+        held_s = last.t_s if last is not None and last.name == "hold" else None
+        scores = score(trace, phases, upward=upward, held_s=held_s) if self._truth else None
         if over[0] == "arrived" and scores is not None and (rough := rough_cause(scores)) is not None:
             over = "arrived_rough", rough
         return Traverse(

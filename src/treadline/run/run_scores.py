@@ -16,7 +16,7 @@ from treadline.core.ports import Truth
 from treadline.core.printing import Brief
 from treadline.core.signals import TICK_S
 from treadline.plant.mujoco import TOLERANCE_M_S2
-from treadline.vehicle.comfort import Comfort, comfort, lasting
+from treadline.vehicle.comfort import comfort, lasting
 from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD
 
 LEVEL_RAD = 4.0 * DEG
@@ -140,7 +140,8 @@ def score(trace: Trace, phases: tuple[tuple[float, str], ...] = (), *, upward: b
     seat = trace["seat_pitch_rad"]
     onward = x if upward else -x
     aligned_s = next((t_s for t_s, phase in phases if phase == "approach"), None)
-    margin, passenger = trace["stability_margin_rad"], comfort_of(trace)
+    margin, passenger_W = trace["stability_margin_rad"], np.stack([trace[f"passenger_{axis}_m"] for axis in "xyz"])
+    passenger = comfort(passenger_W, trace["yaw_rad"])
     aligned = np.empty(0) if aligned_s is None else heading[t >= aligned_s]
     return Scores(
         duration_s=float(t[-1]),
@@ -186,12 +187,6 @@ def _reported(
 ) -> float | None:
     """Return a summary of what the simulator reports, or None where it reports nothing."""
     return None if np.isnan(values if source is None else source).any() else float(summary(values))
-
-
-def comfort_of(trace: Trace) -> Comfort:
-    """Return the passenger's accelerations over a run."""
-    place_W = np.stack([trace[f"passenger_{axis}_m"] for axis in "xyz"])
-    return comfort(place_W, trace["yaw_rad"])
 
 
 def creep(trace: Trace, held_s: float) -> float | None:

@@ -11,7 +11,6 @@ from collections.abc import Callable
 from types import TracebackType
 
 import numpy as np
-from jaxtyping import Float
 
 from treadline.core.angles import DEG
 from treadline.core.camera_images import RgbdFrame
@@ -69,8 +68,6 @@ SEEN_WIDTH_M = 0.012
 """Drawn width of a detected nosing [m]."""
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 """Quaternion of a frame parallel to its parent."""
-ORIGIN = (0.0, 0.0, 0.0)
-"""Place of a frame at its parent's origin [m]."""
 
 
 class SceneLog:
@@ -228,7 +225,8 @@ class SceneLog:
         heading = 0.0 if measured is None or measured.t_s != stair.t_s else measured.heading_rad
         left = SEEN_HALF_M if stair.left_edge_m is None else stair.left_edge_m
         right = SEEN_HALF_M if stair.right_edge_m is None else stair.right_edge_m
-        ends = _nosing_ends(np.array(stair.nosings_B), heading, (left, right)).reshape(-1, 3)
+        nosings_B, across = np.array(stair.nosings_B), np.array([math.sin(heading), math.cos(heading), 0.0])
+        ends = np.stack([nosings_B + left * across, nosings_B - right * across], axis=1).reshape(-1, 3)
         return Marker(
             frame="chair",
             name="seen",
@@ -258,17 +256,6 @@ class WatchedDetector:
         return seen
 
 
-def _nosing_ends(
-    nosings_B: Float[np.ndarray, "n 3"], heading_rad: float, reach_m: tuple[float, float]
-) -> Float[np.ndarray, "n 2 3"]:
-    """Return left and right end of each detected nosing in B [m], turned by the heading and parallel to the x-y plane of B.
-
-    ``reach_m`` is the length to the left and to the right of the chair's middle plane.
-    """
-    across = np.array([math.sin(heading_rad), math.cos(heading_rad), 0.0])
-    return np.stack([nosings_B + reach_m[0] * across, nosings_B - reach_m[1] * across], axis=1)
-
-
 def _is_due(t_s: float, ticks: int) -> bool:
     return round(t_s / TICK_S) % ticks == 0
 
@@ -283,7 +270,7 @@ def _corrected(truth: Truth, R_OB: Rotation, p_OB: Vector3) -> FramePose:
 
 def _fixed_frames(whole: Vehicle) -> list[FramePose]:
     """Return the frames of the URDF's fixed links and of the IMU, which is read in the chair's axes."""
-    frames = [FramePose(parent=BASE, child=name, place_m=ORIGIN, quaternion=LEVEL) for name in ("chair", "imu")]
+    frames = [FramePose(parent=BASE, child=name, place_m=(0.0, 0.0, 0.0), quaternion=LEVEL) for name in ("chair", "imu")]
     for body in whole.bodies:
         if body.parent is not None and body.hinge is None:
             frames.append(FramePose(parent=body.parent, child=body.name, place_m=body.origin_m, quaternion=LEVEL))

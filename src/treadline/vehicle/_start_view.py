@@ -98,16 +98,14 @@ class StartView:
     def _mount_remedy(self) -> str:
         """Return the mount pitches, next to the present one, from which the stair is in view."""
         present_deg = self._mount.pitch_deg
-        seen = [pitch for pitch in PITCHES_DEG if self._pitched(pitch).detects(self._scenario.start)]
+        mounts = {pitch: self._mount.model_copy(update={"pitch_deg": pitch}) for pitch in PITCHES_DEG}
+        views = {pitch: StartView(self._scenario, self._chair, self._staircase, mount) for pitch, mount in mounts.items()}
+        seen = [pitch for pitch, view in views.items() if view.detects(self._scenario.start)]
         if not seen:
             return f"no pitch of its mount would do: correct {self._name}.position_m, yaw_deg and roll_deg in the chair's file"
         nearest = min(seen, key=lambda pitch: abs(pitch - present_deg))
         low, high = (_end_of(seen, nearest, step) for step in (-PITCHES_DEG.step, PITCHES_DEG.step))
         return f"{self._name}.pitch_deg is {present_deg:g} in the chair's file: give {low} to {high}"
-
-    def _pitched(self, pitch_deg: float) -> "StartView":
-        mount = self._mount.model_copy(update={"pitch_deg": pitch_deg})
-        return StartView(self._scenario, self._chair, self._staircase, mount)
 
 
 def _end_of(values: list[int], value: int, step: int) -> int:

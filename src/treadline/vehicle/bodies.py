@@ -13,7 +13,7 @@ import numpy as np
 from treadline.scenario.chair import ChairDescription, Flipper, Point, Seat, Tracks
 from treadline.scenario.scenario import Belts, Chair
 from treadline.vehicle.linkage import SeatLinkage
-from treadline.vehicle.static_stability import payload_com, payload_origin, seat_mass_kg
+from treadline.vehicle.loading import payload_com, payload_origin
 from treadline.vehicle.tracks import pulley_centres, road_wheels
 
 FLAT_THICKNESS_M = 0.025
@@ -114,7 +114,7 @@ def _chassis(chair: ChairDescription) -> Body:
 
 def _seat(chair: ChairDescription, loading: Chair) -> Body:
     """Return the seat with its payload, or the payload alone: a uniform box at the scenario's offset."""
-    mass, com = seat_mass_kg(chair, loading), payload_com(chair, loading)
+    mass, com = chair.empty_seat_kg + loading.payload_kg, payload_com(chair, loading)
     box = Shape(name="payload", kind="box", centre_m=com, half_m=_half(chair.payload_size_m))
     return Body(
         name="seat" if chair.seat is not None else "load",

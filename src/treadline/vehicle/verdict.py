@@ -19,8 +19,7 @@ from treadline.vehicle.linkage import SeatLinkage
 from treadline.vehicle.loading import Loading
 from treadline.vehicle.staircase import as_designed
 from treadline.vehicle.start_pose import length_m
-from treadline.vehicle.static_stability import static_margins
-from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD, Margins
+from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD, Margins, static_margins
 from treadline.vehicle.tracks import (
     friction_use,
     largest_heading_rad,
@@ -84,6 +83,9 @@ class CheckReport(Printable):
         margins = ", ".join(f"{side} {angle:.1f}°" for side, angle in self.stability_margin_deg.items())
         longer = [] if self.track_length_margin_m is None else [self.track_length_margin_m]
         count = self.nosings_in_contact
+        seat = (
+            "no seat linkage" if (held := self.seat_range_deg) is None else f"level from {held[0]:.0f}° to {held[1]:.0f}° of pitch"
+        )
         bears = f"{count} nosing{'' if count == 1 else 's'} in contact"
         rows = [
             *(("track length", f"{more_m:+.3f} m over 2√(h²+w²), {bears}") for more_m in longer),
@@ -93,17 +95,12 @@ class CheckReport(Printable):
                 f"{self.friction_available:.2f} available",
             ),
             ("tip-over margins", margins),
-            ("seat", _seat_text(self.seat_range_deg)),
+            ("seat", seat),
             *([] if self.nosings_in_view is None else [("camera", f"nosings in view from the start: {self.nosings_in_view}")]),
             *(("reason", reason) for reason in self.reasons),
             *(("warning", warning) for warning in self.warnings),
         ]
         return self.verdict, rows
-
-
-def _seat_text(range_deg: tuple[float, float] | None) -> str:
-    """Return the range of the seat in words."""
-    return "no seat linkage" if range_deg is None else f"level from {range_deg[0]:.0f}° to {range_deg[1]:.0f}° of pitch"
 
 
 def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:

@@ -197,16 +197,12 @@ class Feed:
             self.frames[self.illustrated :] = [frame, *maps]
             self.illustrated += 1
         else:
-            self._add_picture(frame)
+            place = bisect_left(self.frames, frame.t_s - 0.5 * TICK_S, key=lambda other: other.t_s)
+            if place < len(self.frames) and self.frames[place].t_s <= frame.t_s + 0.5 * TICK_S:
+                self.frames[place] = replace(self.frames[place], picture=frame.picture)
+            else:
+                self.frames.insert(place, frame)
         self._forget_pictures(1)
-
-    def _add_picture(self, frame: ShownFrame) -> None:
-        """Add an image to the stair map of its time; without one, it is shown alone."""
-        place = bisect_left(self.frames, frame.t_s - 0.5 * TICK_S, key=lambda other: other.t_s)
-        if place < len(self.frames) and self.frames[place].t_s <= frame.t_s + 0.5 * TICK_S:
-            self.frames[place] = replace(self.frames[place], picture=frame.picture)
-        else:
-            self.frames.insert(place, frame)
 
     def _forget_pictures(self, count: int) -> None:
         old = max(len(self.frames) - PICTURES_MAX, 0)

@@ -17,7 +17,7 @@ from PIL import Image
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import ImageError, LogFormatError
 from treadline.core.signals import ImuSample
-from treadline.io.images import picture
+from treadline.io.images import picture, rgb_pixels
 from treadline.io.mcap_read import BROKEN, has_arrivals, read_log
 from treadline.io.messages import COMPRESSED, IMAGE
 from treadline.io.topics import COLOUR_ENCODINGS, Received, TopicSummary, kind_of, packets, received, survey
@@ -122,7 +122,7 @@ def pictures_of(order: ImageOrder) -> Iterator[ShownFrame]:
     for packet, logged_ns, data in packets(path, topic.__eq__, sealed=False):
         try:
             message = received(packet, data, logged_ns, origin_ns)
-            rgb = _compressed(message) if kind_of(packet) == COMPRESSED else _raw(message)
+            rgb = _compressed(message) if kind_of(packet) == COMPRESSED else rgb_pixels(picture(*message))
         except (LogFormatError, *BROKEN, OSError, Image.DecompressionBombError):
             continue  # an image that cannot be read has nothing to show
         yield ShownFrame(
@@ -143,12 +143,6 @@ def _colour_topic(found: Mapping[str, TopicSummary]) -> str | None:
     raw = [name for name, item in found.items() if item.kind == IMAGE and item.pixels in COLOUR_ENCODINGS]
     packed = [name for name, item in found.items() if item.kind == COMPRESSED and "depth" not in name.lower()]
     return min((*raw, *packed), key=rank, default=None)
-
-
-def _raw(message: Received) -> UInt8[np.ndarray, "h w 3"]:
-    image = picture(*message)
-    pixels = image.pixels if image.pixels.ndim == 3 else np.repeat(image.pixels[:, :, None], 3, axis=2)
-    return np.ascontiguousarray(pixels[:, :, 2::-1] if image.encoding.startswith("bgr") else pixels[:, :, :3])
 
 
 def _compressed(message: Received) -> UInt8[np.ndarray, "h w 3"]:

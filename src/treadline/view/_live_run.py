@@ -191,7 +191,9 @@ class LiveRun:
         self._tick = round(t_s / TICK_S) + 1
         self._show_obstacle(t_s)
         if self._asks_contacts:
-            self._read_contacts(t_s)
+            points_W, forces_W = self._chair.contacts()
+            contacts = ContactForces(t_s=t_s, points_W=points_W.astype(np.float32), forces_W=forces_W.astype(np.float32))
+            self._contacts.append(contacts)
         now = time.perf_counter()
         if now - self._sent_at >= SEND_S:
             self._sent_at = now
@@ -237,10 +239,6 @@ class LiveRun:
                 yaw_rad = math.atan2(box.R_WK[1, 0], box.R_WK[0, 0])
                 drawn = Box(kind="obstacle", index=-1, centre_W=(x, y, z), half_m=(a, b, c), yaw_rad=yaw_rad)
             self._waiting.append(("obstacle", Obstacle(t_s=t_s, box=drawn)))
-
-    def _read_contacts(self, t_s: float) -> None:
-        points_W, forces_W = self._chair.contacts()
-        self._contacts.append(ContactForces(t_s=t_s, points_W=points_W.astype(np.float32), forces_W=forces_W.astype(np.float32)))
 
     def _post(self) -> None:
         if self._contacts:

@@ -33,15 +33,11 @@ def text_on(colour: str) -> str:
     return "#000" if (luminance + 0.05) ** 2 > 1.05 * 0.05 else "#fff"
 
 
-def _macros() -> Any:
-    """Return the module of the template's macros."""
-    engine = Environment(loader=PackageLoader("treadline", "view"), autoescape=True, undefined=StrictUndefined)
-    engine.globals |= {"GREEN": GREEN, "ORANGE": ORANGE, "RED": RED, "SIGNS": SIGNS, "TERMS": TERMS, "PHASE_TERMS": PHASES}
-    engine.globals |= {"phase_colour": phase_colour, "text_on": text_on, "style": STYLE}
-    return engine.get_template("panels.html.j2").module
-
-
-_HTML = _macros()
+_ENGINE = Environment(loader=PackageLoader("treadline", "view"), autoescape=True, undefined=StrictUndefined)
+_ENGINE.globals |= {"GREEN": GREEN, "ORANGE": ORANGE, "RED": RED, "SIGNS": SIGNS, "TERMS": TERMS, "PHASE_TERMS": PHASES}
+_ENGINE.globals |= {"phase_colour": phase_colour, "text_on": text_on, "style": STYLE}
+HTML: Any = _ENGINE.get_template("panels.html.j2").module
+"""Macros of the template."""
 
 
 def state_html(session: Session) -> str:
@@ -49,17 +45,12 @@ def state_html(session: Session) -> str:
     run, t_s = session.run, session.cursor_s
     guard = [event for event in run.events if event.t_s <= t_s and event.name in ("slow", "resumed", "rearmed")]
     slowed = guard[-1] if guard and guard[-1].name == "slow" else None
-    return str(_HTML.state(session, run.phase_at(t_s), holding_at(run.events, t_s), slowed))
-
-
-def answers_html(session: Session) -> str:
-    """Return the answers to the usual questions about a run; those with a time lead to it."""
-    return str(_HTML.answers(session))
+    return str(HTML.state(session, run.phase_at(t_s), holding_at(run.events, t_s), slowed))
 
 
 def timeline_html(session: Session) -> str:
     """Return the phases as a bar, with holds, faults, camera silence, the cursor, and the instant of a fork."""
-    return str(_HTML.timeline(session, session.ghost, max(session.feed.end_s, 1e-3)))
+    return str(HTML.timeline(session, session.ghost, max(session.feed.end_s, 1e-3)))
 
 
 def events_html(session: Session) -> str:
@@ -67,19 +58,14 @@ def events_html(session: Session) -> str:
     found = [(event.t_s, event.name, event.cause) for event in session.run.events]
     found += [(moment.t_s, moment.name, moment.cause) for moment in session.moments.listed if moment.kind != "event"]
     past = sorted(entry for entry in found if entry[0] <= session.cursor_s + 1e-6)
-    return str(_HTML.events(past[-EVENTS_SHOWN:][::-1]))
+    return str(HTML.events(past[-EVENTS_SHOWN:][::-1]))
 
 
 def handset_html(session: Session) -> str:
     """Return the state of the handset and the distance travelled by the belts."""
     run = session.run
     travelled_m = 0.0 if session.feed.is_empty else float(run.belt_travel_m[run.index_at(session.cursor_s)].mean())
-    return str(_HTML.handset(session.handset, travelled_m, session.dropped))
-
-
-def contacts_html(session: Session) -> str:
-    """Return where the contact forces come from, if they are shown."""
-    return str(_HTML.contacts(session))
+    return str(HTML.handset(session.handset, travelled_m, session.dropped))
 
 
 def camera_html(session: Session) -> str:
@@ -95,7 +81,7 @@ def camera_html(session: Session) -> str:
         known = session.feed.knows_stair
         perceived = perceived_text(len(frame.nosings_B), found if known else None)
         missed = _reasons(lacking) if known else None
-    return str(_HTML.camera(frame, warning, jpeg, perceived, missed))
+    return str(HTML.camera(frame, warning, jpeg, perceived, missed))
 
 
 def _nosings_of(session: Session, frame: ShownFrame) -> tuple[Sequence[int], dict[int, str]]:
@@ -130,9 +116,9 @@ def outcome_html(session: Session) -> str:
     """Return how a fork went, next to the run."""
     fork = session.ghost  # a client may remove it at any time
     if fork is None:
-        return "" if session.can_repeat else str(_HTML.no_fork())
+        return "" if session.can_repeat else str(HTML.no_fork())
     hold = next((event for event in reversed(fork.feed.recording.events) if event.name == "hold"), None)
-    return str(_HTML.outcome(session, fork, hold, time.perf_counter() - fork.began_at))
+    return str(HTML.outcome(session, fork, hold, time.perf_counter() - fork.began_at))
 
 
 def _reasons(missed: Mapping[int, str]) -> str:
@@ -143,31 +129,21 @@ def _reasons(missed: Mapping[int, str]) -> str:
     return "; ".join(f"{in_runs(indices)} ({reason})" for reason, indices in together.items())
 
 
-def legend_of_scene() -> str:
-    """Return the colours of the scene with their meanings."""
-    return str(_HTML.legend())
-
-
 def legend_html(plot: Plot, run: Recording, cursor_s: float, *, forked: bool) -> str:
     """Return the title of a plot, its lines in their colours with their values at the cursor, and its limits."""
     values = [curve.values(run)[run.index_at(cursor_s)] for curve in plot.curves]
     low, high = view_of(plot, run)
     is_shown = any(low <= limit <= high for limit in plot.limits(run.limits))
-    return str(_HTML.plot(plot, values, plot.limit_text(run.limits), is_shown, forked and not plot.no_fork))
-
-
-def terms_html() -> str:
-    """Return the explanation of the terms on the page, folded."""
-    return str(_HTML.terms())
+    return str(HTML.plot(plot, values, plot.limit_text(run.limits), is_shown, forked and not plot.no_fork))
 
 
 PANELS: Mapping[str, Callable[[Session], str]] = {
     "state": state_html,
     "camera": camera_html,
-    "answers": answers_html,
+    "answers": HTML.answers,
     "events": events_html,
     "handset": handset_html,
-    "contacts": contacts_html,
+    "contacts": HTML.contacts,
     "outcome": outcome_html,
 }
 """Panels by name."""

@@ -6,18 +6,19 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from functools import partial
 from html import escape
 from typing import Any
 
 from treadline.core.errors import SettingsError
 from treadline.scenario.faults import EXTENTS, Conditions, FaultKind
 from treadline.view._messages import SEND_S
-from treadline.view._panels import PANELS, STYLE, legend_html, legend_of_scene, terms_html, timeline_html
+from treadline.view._panels import HTML, PANELS, STYLE, legend_html, timeline_html
 from treadline.view._plots import LOADING, add_plot, plot_data, shown_plots
 from treadline.view._scene import NARROW_CAMERA_M, NARROW_LOOK_AT_M, SHOWN, SceneView
 from treadline.view._session import SPEEDS, TRANSPORT, Session
 from treadline.view._what_if import FORKS, FRICTION_MAX, FRICTION_MIN, INJECTIONS, ChangeForm
-from treadline.view.demonstration import LiveOffer
+from treadline.view.opening import LiveOffer
 from treadline.view.server import GuardedServer
 
 TEXT_S, PLOT_S = 0.1, 0.4
@@ -228,18 +229,15 @@ class App:
     def _build_choices(self, gui: Any) -> None:
         for name, (label, shown) in SHOWN.items():
             box = gui.add_checkbox(label, initial_value=shown)
-            box.on_update(self._locked(self._chooser(box, name)))
+            box.on_update(self._locked(partial(self._choose, box, name)))
         self._place("contacts")
-        gui.add_html(legend_of_scene())
-        gui.add_html(terms_html())
+        gui.add_html(str(HTML.legend()))
+        gui.add_html(str(HTML.terms()))
 
-    def _chooser(self, box: Any, name: str) -> Callable[[Any], None]:
-        def chosen(_event: Any) -> None:
-            self._session.shows[name] = bool(box.value)
-            if name == "contacts":
-                self._session.ask_contacts(asked=bool(box.value))
-
-        return chosen
+    def _choose(self, box: Any, name: str, _event: Any) -> None:
+        self._session.shows[name] = bool(box.value)
+        if name == "contacts":
+            self._session.ask_contacts(asked=bool(box.value))
 
     # Updates
 
@@ -281,7 +279,7 @@ class App:
         if session.can_repeat:
             self._show_progress()
         for name, panel in self._panels.items():
-            change(panel, "content", PANELS[name](session))
+            change(panel, "content", str(PANELS[name](session)))
         self.timeline = timeline_html(session)
 
     def _show_progress(self) -> None:

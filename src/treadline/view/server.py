@@ -219,7 +219,7 @@ class GuardedServer:
     """
 
     def __init__(self, host: str, port: int | None, handlers: dict[str, Handler] | None = None) -> None:
-        from viser import ViserServer
+        from viser import ViserServer, _messages
 
         listener = bound_socket(host, port)
         self.rules = AccessRules(token=secrets.token_urlsafe(TOKEN_BYTES), host=host, port=listener.getsockname()[1])
@@ -231,13 +231,7 @@ class GuardedServer:
         if not check.is_installed:
             self.close()
             raise SettingsError("this version of viser serves without the access check; install the one that treadline asks for")
-        self._forbid_sharing()
-
-    def _forbid_sharing(self) -> None:
-        """Remove viser's tunnel to a public server: no client may ask for it."""
-        from viser import _messages
-
-        for kind in (_messages.ShareUrlRequest, _messages.ShareUrlDisconnect):
+        for kind in (_messages.ShareUrlRequest, _messages.ShareUrlDisconnect):  # viser's tunnel to a public server
             self.viser._websock_server.unregister_handler(kind)  # noqa: SLF001 - viser has no switch for it
 
     def close(self) -> None:

@@ -179,13 +179,8 @@ def _rows(stream: io.BytesIO, kind: np.dtype, count: int, *, is_text: bool) -> n
     columns = sum(int(np.prod(kind[name].shape)) for name in kind.names or ())
     if table.shape[1] < columns:
         raise ImageError(f"{table.shape[1]} numbers on a line; {columns} are declared")
-    return _typed(table[:, :columns], kind)
-
-
-def _typed(table: np.ndarray, kind: np.dtype) -> np.ndarray:
-    """Return columns of numbers as a structured array; text stores a packed colour by its value or its bits."""
     with np.errstate(invalid="ignore", over="ignore"):
-        return recfunctions.unstructured_to_structured(table, kind, casting="unsafe")
+        return recfunctions.unstructured_to_structured(table[:, :columns], kind, casting="unsafe")
 
 
 def point_cloud(message: Any) -> np.ndarray:

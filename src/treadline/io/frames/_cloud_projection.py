@@ -20,7 +20,7 @@ from treadline.scenario.camera_file import INTRINSICS
 FIT_PX = 0.5
 """Largest RMS residual of the intrinsics [px]: coordinates rounded to a millimetre at 0.5 m give 0.3 px at fx = 600."""
 SAMPLE = 20_000
-"""Number of points from which the intrinsics follow; those of exact points are exact from two of them."""
+"""Number of points from which unit, axes and intrinsics follow; the intrinsics of exact points are exact from two of them."""
 GRID_GAP = 1e-4
 """Smallest gap between columns of a pixel grid in x/z: a tenth of a pixel at fx = 1000; single precision is 1e-7."""
 GRID_PX = 0.1
@@ -90,7 +90,8 @@ def organised(
     depth = np.full(width * height, np.nan, dtype=np.float32)
     depth[seen.number] = seen.depth
     rgb = black(height, width) if colours is None else colours.reshape(height, width, 3)
-    return Projection(_mounted(fitted, camera), depth.reshape(height, width), rgb, None)
+    used = fitted if camera is None else replace(camera, **{name: getattr(fitted, name) for name in INTRINSICS})
+    return Projection(used, depth.reshape(height, width), rgb, None)
 
 
 def _line(ratio: Float64[np.ndarray, " n"], pixel: Int64[np.ndarray, " n"]) -> tuple[float, float, float]:
@@ -225,10 +226,3 @@ def _share_filled(u: Float64[np.ndarray, " n"], v: Float64[np.ndarray, " n"]) ->
     filled = np.zeros((int(row.max()) + 1, int(column.max()) + 1), dtype=np.uint8)
     filled[row, column] = 1
     return float(filled.sum() / cv2.morphologyEx(filled, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)).sum())
-
-
-def _mounted(fitted: PinholeCamera, camera: PinholeCamera | None) -> PinholeCamera:
-    """Return the fitted intrinsics with the mount of the calibration."""
-    if camera is None:
-        return fitted
-    return replace(camera, **{name: getattr(fitted, name) for name in INTRINSICS})

@@ -17,7 +17,7 @@ from treadline.core.arrays import LARGEST
 from treadline.core.camera_images import CAMERA_AXES_IN_CHAIR, NamedFrame, PinholeCamera, RgbdFrame, gravity_of
 from treadline.core.errors import ImageError, SettingsError
 from treadline.core.rotations import Rotation, Vector3, rotation_y
-from treadline.io.frames._cloud_projection import SECTOR_TAN, organised, projected, rays_of
+from treadline.io.frames._cloud_projection import SAMPLE, SECTOR_TAN, organised, projected, rays_of
 from treadline.io.frames._poses import SensorPose, added_up
 from treadline.scenario.camera_file import CameraFile
 
@@ -37,8 +37,6 @@ IN_FRONT = 0.9
 with fewer is cropped to the sector."""
 FEWEST_POINTS = 1000
 """Fewest points of a cloud: an image of 40 × 25 pixels, in which a step 1 m away is 5 pixels high at 60° of view."""
-SAMPLE = 20_000
-"""Number of points from which unit and axes follow."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -132,7 +132,8 @@ def _folder(path: Path, options: FrameOptions) -> FrameSource:
     if clouds and not depths and (path / POSES).is_file():
         return _added_up(path, clouds, options)
     if clouds and not depths:
-        return _FolderOfFrames(clouds, partial(_cloud, options=options), _unread_cloud)
+        unseen = NamedFrame(name="", frame=None, mount_known=False, gravity_C=None)
+        return _FolderOfFrames(clouds, partial(_cloud, options=options), lambda file: replace(unseen, name=file.name))
     calibration = _with_unit(options.camera or read_camera(path / "camera.toml"), options)
     gravity = gravity_table(path / "gravity.csv")
     if not depths:
@@ -216,10 +217,6 @@ def _of_cloud(path: Path, cloud: PointCloud, options: FrameOptions) -> tuple[Nam
         has_colour=image.has_colour,
     )
     return named, image.warning
-
-
-def _unread_cloud(path: Path) -> NamedFrame:
-    return NamedFrame(name=path.name, frame=None, mount_known=False, gravity_C=None)
 
 
 class _FolderOfFrames:

@@ -177,7 +177,8 @@ class GazeboServer:
         while time.monotonic() < until:
             if self._process.poll() is not None:
                 raise GazeboError(f"gzserver ended before the chair was in it: {self._reason()}")
-            if reason := self._refusal():
+            reason = next((line for line in self._lines() if "Failed to load plugin" in line), None)
+            if reason is not None:
                 raise GazeboError(f"gzserver does not load the plugin: {reason}; {BUILD}")
             try:
                 self._socket = socket.create_connection(("127.0.0.1", port), timeout=START_S)
@@ -215,9 +216,6 @@ class GazeboServer:
                 code = self._process.wait(timeout=1.0)
         what = f"gzserver hangs ({error})" if code is None else f"gzserver died (exit code {code})"
         return GazeboError(f"{what}: {self._reason()}; run it again")
-
-    def _refusal(self) -> str | None:
-        return next((line for line in self._lines() if "Failed to load plugin" in line), None)
 
     def _reason(self) -> str:
         """Return the last error message in the log."""

@@ -33,12 +33,11 @@ from treadline.plant.sensors._free_ground import SIGMA_M, GroundAhead
 from treadline.plant.sensors.camera import Camera
 from treadline.plant.sensors.imu import IMUS, Imu
 from treadline.plant.sensors.statistical_camera import EXACT_PLACE_M, StatisticalCamera
-from treadline.scenario.camera_file import KINECT_1
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.scenario import Chair, Realism, Scenario
+from treadline.vehicle.loading import payload_com, payload_origin
 from treadline.vehicle.stair_solids import stair_surfaces
 from treadline.vehicle.staircase import Staircase, build_staircase, up_W
-from treadline.vehicle.static_stability import payload_com, payload_origin, seat_mass_kg
 from treadline.vehicle.tip_over_margin import ROCKING_M, TIP_GAP_M
 from treadline.vehicle.tracks import friction_use
 
@@ -98,8 +97,6 @@ class Encoder:
         return (math.floor(self._travel_counts) - before) / (self._counts_m * TICK_S)
 
 
-CAMERA_PERIOD_S = 1.0 / KINECT_1.rate_hz
-"""Frame period of the camera [s] (Table I: 10 Hz)."""
 SUPPORT_TICKS = 25
 """Number of ticks during which a contact counts as support: contacts of a rocking chair are intermittent, and a chair drives 5 cm
 in a quarter of a second."""
@@ -323,7 +320,7 @@ def chair_numbers(chair: ChairDescription, loading: Chair) -> Float[np.ndarray, 
     numbers[kernels.HALF_RUN], numbers[kernels.APPROACH] = 0.5 * tracks.flat_run_m, tracks.approach_m
     numbers[kernels.RADIUS], numbers[kernels.HALF_GAUGE] = tracks.pulley_radius_m, 0.5 * tracks.gauge_m
     numbers[kernels.HINGE : kernels.HINGE + 3] = payload_origin(chair, loading)
-    numbers[kernels.SEAT_KG], numbers[kernels.CHASSIS_KG] = seat_mass_kg(chair, loading), chair.masses.chassis_kg
+    numbers[kernels.SEAT_KG], numbers[kernels.CHASSIS_KG] = chair.empty_seat_kg + loading.payload_kg, chair.masses.chassis_kg
     numbers[kernels.CHASSIS : kernels.CHASSIS + 3] = chair.masses.chassis_com_m
     numbers[kernels.FLIPPER_KG] = 0.0 if chair.flipper is None else chair.flipper.mass_kg
     return numbers

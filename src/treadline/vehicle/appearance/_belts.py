@@ -32,8 +32,6 @@ from treadline.vehicle.appearance._mesh import (
 from treadline.vehicle.bodies import sides
 from treadline.vehicle.tracks import pulley_centres, road_wheels
 
-SMOOTH_LUG_M = 1e-3 * LUGS_MM["8/60"][0]
-"""Height of the lugs drawn on a belt without lugs in the scenario [m]: the lowest named profile."""
 BELT_SHARE = 0.1
 """Thickness of the belt below the lugs over the pulleys' radius (drawn only)."""
 ARC_POINTS = 13
@@ -117,10 +115,11 @@ def _advanced(x: Any, z: Any, heading: Any, curvature: Any, length: Any) -> tupl
 def lug_profile(belts: Belts | None) -> tuple[float, float, float, float]:
     """Return height, pitch, tip width and flank length of the drawn lugs [m].
 
-    A smooth belt is drawn with the pitch of its settings and with lugs of ``SMOOTH_LUG_M``: without lugs its motion is invisible.
+    A smooth belt is drawn with the pitch of its settings and the height of the lowest named profile: without lugs its motion is
+    invisible.
     """
     height, pitch, tip, flank = (Belts() if belts is None else belts).measures_m
-    return height or SMOOTH_LUG_M, pitch, tip, flank
+    return height or 1e-3 * LUGS_MM["8/60"][0], pitch, tip, flank
 
 
 def lug_part(chair: ChairDescription, belts: Belts | None = None) -> MeshPart:
@@ -199,7 +198,9 @@ def track_parts(chair: ChairDescription, belts: Belts | None = None) -> tuple[Me
     strips = _tip(out, surface), _tip(out, wheel)
     parts = [part(f"belt_{side}", "chair", [band(*loops, *_across(tracks, y), closed=True)], "belt") for side, y in sides(tracks)]
     parts += _running_gear(tracks, "chair", pulleys, wheel)
-    parts.append(part("axles", "chair", [_axle(tracks, at, wheel) for at in pulleys], "drive"))
+    half = 0.5 * (tracks.gauge_m - 0.4 * tracks.belt_width_m)
+    axles = [cylinder((x, -half, z), (x, half, z), 0.17 * wheel, sides=10) for x, z in pulleys]
+    parts.append(part("axles", "chair", axles, "drive"))
     if fixed:
         return tuple(parts)
     for side, y in sides(tracks):
@@ -274,8 +275,3 @@ def _pulley(centre: tuple[float, float, float], radius: float, half_width: float
     profile = [(-0.55 * w, 0.28), (-0.55 * w, 0.78), (-w, 0.84), (-w, 1.0), (w, 1.0), (w, 0.84), (0.55 * w, 0.78), (0.55 * w, 0.28)]
     hub = [(-0.9 * w, 0.22), (-0.9 * w, 0.28), *profile, (0.9 * w, 0.28), (0.9 * w, 0.22)]
     return lathe((x, y, z), (x, y + 1.0, z), [(along, share * radius, share * radius) for along, share in hub], sides=18)
-
-
-def _axle(tracks: Tracks, at: tuple[float, float], wheel: float) -> Mesh:
-    half = 0.5 * (tracks.gauge_m - 0.4 * tracks.belt_width_m)
-    return cylinder((at[0], -half, at[1]), (at[0], half, at[1]), 0.17 * wheel, sides=10)

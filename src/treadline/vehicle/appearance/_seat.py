@@ -29,7 +29,7 @@ from treadline.vehicle.appearance._mesh import (
     tube,
 )
 from treadline.vehicle.linkage import SeatLinkage
-from treadline.vehicle.static_stability import payload_com, payload_origin
+from treadline.vehicle.loading import payload_com, payload_origin
 
 ROD_M = 0.012
 """Radius of the rods of seat and linkage [m] (drawn only)."""

@@ -19,8 +19,8 @@ from treadline.core.rotations import rotation_y
 from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription
 from treadline.scenario.scenario import Chair
 from treadline.vehicle.bodies import vehicle
+from treadline.vehicle.loading import centre_of_mass
 from treadline.vehicle.quasi_static import QuasiStaticRun, contact_loads, nosing_contacts
-from treadline.vehicle.static_stability import centre_of_mass
 
 ROUNDING_M_S = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 """Rounding of the kink at zero slip, one after the other; a sticking contact creeps by the last one at most."""

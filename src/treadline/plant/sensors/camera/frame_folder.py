@@ -16,14 +16,13 @@ from treadline.core.camera_images import RgbdFrame
 from treadline.core.errors import ImageError
 from treadline.core.files import write_whole
 from treadline.core.rotations import Vector3, rotation_z
+from treadline.io.images import MILLIMETRE
 from treadline.plant.sensors.camera.ray_camera import Camera
 from treadline.scenario.camera_file import CameraFile
 from treadline.scenario.scenario import Scenario
 from treadline.vehicle.stair_solids import stair_boxes
 from treadline.vehicle.staircase import build_staircase
 
-DEPTH_UNIT_M = 0.001
-"""Depth unit of the PNG files [m]; 0 is no return."""
 PLACE_M, LATERAL_M = (0.3, 3.0), (-0.25, 0.25)
 """Ranges of mid-track: distance beyond the first nosing that it has passed, and to the left of the middle of the flight [m]."""
 
@@ -89,7 +88,7 @@ def write_frames(folder: Path, frames: Iterable[TrueFrame], watch: Callable[[str
         for name, frame, gravity_C, row in frames:
             if not gravity:
                 columns = ("name", *row)
-                write_whole(folder / "camera.toml", CameraFile.of(frame.camera, str(folder), DEPTH_UNIT_M).text)
+                write_whole(folder / "camera.toml", CameraFile.of(frame.camera, str(folder), MILLIMETRE).text)
             _write_images(folder, name, frame)
             gravity.append([name, *gravity_C.tolist()])
             truth.append([name, *row.values()])
@@ -110,7 +109,7 @@ def table_text(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
 
 
 def _write_images(folder: Path, name: str, frame: RgbdFrame) -> None:
-    counts = np.nan_to_num(frame.depth_m.astype(float), nan=0.0) / DEPTH_UNIT_M
+    counts = np.nan_to_num(frame.depth_m.astype(float), nan=0.0) / MILLIMETRE
     depth = np.where(counts < 65534.5, np.round(counts), 0.0).astype(np.uint16)
     for ending, image in (("rgb", cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2BGR)), ("depth", depth)):
         done, data = cv2.imencode(".png", image)
