@@ -131,22 +131,19 @@ def test_with_a_heading_error_on_a_flight_it_does_not_wait_for_its_flipper() -> 
     assert world.t_s < 0.3
 
 
-@pytest.mark.parametrize("heading_deg", [0.0, 1.6])
-def test_the_belts_do_not_follow_the_fall_of_a_chair_that_turns(heading_deg: float) -> None:
+@pytest.mark.parametrize(
+    ("falls_deg_s", "heading_deg", "pitch_feedforward_m_s"),
+    [(4.0, 0.0, LIMIT_M_S), (-4.0, 0.0, -LIMIT_M_S), (0.5, 0.0, 0.0), (4.0, 1.6, 0.0)],
+)
+def test_on_the_flight_the_belts_go_with_a_square_chair_that_falls(
+    falls_deg_s: float, heading_deg: float, pitch_feedforward_m_s: float
+) -> None:
+    """Test: its pitch goes down, or up, by 4 °/s; also at a heading at which it turns. Expected result: the plan's speed stays, and
+    says what both belts add."""
     world = climbing(heading_rad=heading_deg * DEG)
     planner = world.planner
-    planner.begin_tick(world.t_s, replace(SQUARE, heading_rad=heading_deg * DEG))
-    planner._tip_over.rate_rad_s = 4.0 * DEG
-    assert planner._pitch_feedforward() == (LIMIT_M_S if heading_deg == 0.0 else 0.0)
-
-
-@pytest.mark.parametrize(("falls_deg_s", "pitch_feedforward_m_s"), [(4.0, LIMIT_M_S), (-4.0, -LIMIT_M_S), (0.5, 0.0)])
-def test_on_the_flight_the_belts_go_with_a_chair_that_falls(falls_deg_s: float, pitch_feedforward_m_s: float) -> None:
-    """Test: its pitch goes down, or up, by 4 °/s. Expected result: the plan's speed stays, and says what both belts add."""
-    world = climbing()
-    planner = world.planner
     planner._tip_over.rate_rad_s = falls_deg_s * DEG
-    plan = planner.step(world.t_s, SQUARE)
+    plan = planner.step(world.t_s, replace(SQUARE, heading_rad=heading_deg * DEG))
     assert (plan.speed_m_s, plan.turn_m_s, plan.pitch_feedforward_m_s) == (0.2, None, pitch_feedforward_m_s)
 
 
@@ -315,16 +312,6 @@ def test_a_missing_step_stops_the_chair_for_good_before_it() -> None:
     assert world.run("crest").hold is None
 
 
-def test_a_missing_step_that_is_seen_late_stops_the_chair_under_its_front_too() -> None:
-    world = Foot()
-    world.run("climb")
-    where = world.planner._where
-    where.gaps_ahead_m = lambda: [(PIVOT_M - 0.07, PIVOT_M + 0.6)]  # type: ignore[method-assign]
-    assert world.tick().hold == "a step is missing: 0.67 m from nosing to nosing, the first 0.07 m behind the front pulley"
-    where.gaps_ahead_m = lambda: [(-1.0, -0.4)]  # type: ignore[method-assign]
-    assert world.tick().hold is None
-
-
 # --- climb: walls and drops
 
 
@@ -348,13 +335,6 @@ def test_it_steers_off_a_side_that_is_near_and_to_the_middle_between_two(
     assert np.sign(heading) == sign
     assert abs(heading) <= 2.0 * DEG
     assert world.plans[-1].turn_m_s is None  # the heading's controller steers, however the aim has changed
-
-
-def test_near_straight_the_plan_keeps_the_inner_belt_at_half_the_climb_speed() -> None:
-    world = Foot(steps=30)
-    world.run("climb")
-    world.run(limit_s=1.0)
-    assert world.plans[-1].min_inner_speed_ratio == pytest.approx(0.5)
 
 
 # --- climb to crest, land, arrived

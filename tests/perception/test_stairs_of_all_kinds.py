@@ -1,6 +1,7 @@
 """Views drawn from recipes: up, down, open, worn, cluttered, near the top and the foot; and places without a stair."""
 
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -11,15 +12,27 @@ from sights import sights
 from treadline.core.angles import DEG
 from treadline.core.arrays import rms
 from treadline.core.signals import StairMap
-from treadline.perception import StairDetection, StairDetector
+from treadline.perception import StairDetector
 
 DETECTOR = StairDetector()
 
 
+class Look(NamedTuple):
+    """Values of a detection that outlive its frame; a detection itself holds 13 MB of images."""
+
+    heading_rad: float | None
+    sigma_rad: float | None
+    accepted: bool
+    stair_map: StairMap | None
+
+
 @cache
-def looked(recipe: ViewRecipe, seeds: range) -> list[tuple[StairTruth, StairDetection]]:
+def looked(recipe: ViewRecipe, seeds: range) -> list[tuple[StairTruth, Look]]:
     """Return truth and detection of each frame; frames of one recipe are drawn once for all tests."""
-    return [(truth, sight) for _, truth, sight in sights(recipe, seeds)]
+    return [
+        (truth, Look(sight.heading_rad, sight.sigma_rad, sight.accepted, sight.stair_map))
+        for _, truth, sight in sights(recipe, seeds)
+    ]
 
 
 def errors_and_strains(recipe: ViewRecipe, seeds: range) -> tuple[np.ndarray, np.ndarray, int]:
@@ -43,7 +56,6 @@ KINDS = {
     "wet": ViewRecipe(scenes=("up",), clutter=("wet",)),
     "kinect2": ViewRecipe(scenes=("up",), sensor="kinect2"),
     "d435": ViewRecipe(scenes=("up",), sensor="d435", sigma_px=0.12, height_px=480),
-    "large": ViewRecipe(scenes=("up",), height_px=480),
     "top": ViewRecipe(scenes=("top",)),
     "down": ViewRecipe(scenes=("down",)),
     "down, open": ViewRecipe(scenes=("down",), open_risers=True),
@@ -81,7 +93,6 @@ INTERVALS = {
     "perfect, up": (KINDS["up"], range(32_100, 32_180), 0.0, 0.1),
     "perfect, top": (KINDS["top"], range(32_100, 32_180), 0.0, 0.1),
     "perfect, edge": (KINDS["edge"], range(32_100, 32_180), 0.0, 0.1),
-    "warp": (warped(0.05, 0.0), range(32_200, 32_260), 0.3, 0.35),
     "warp, irregular": (warped(0.05, 0.3), range(32_200, 32_260), 0.3, 0.35),
     "twice the warp": (warped(0.1, 0.0), range(32_200, 32_260), 0.3, 0.35),
 }
@@ -141,20 +152,20 @@ def test_a_bench_before_a_planter_has_no_step_below() -> None:
     assert DETECTOR.look(view.frame, view.gravity_C).heading_rad is None
 
 
-@pytest.mark.parametrize("knows_down", [True, False])
 @pytest.mark.parametrize("scene", ROOM_SCENES)
-def test_a_scene_without_a_stair_yields_no_heading(scene: str, knows_down: bool) -> None:
-    for seed in range(33_000, 33_008):
+def test_a_scene_without_a_stair_yields_no_heading(scene: str) -> None:
+    for seed in range(33_000, 33_006):
         view = draw_view(np.random.default_rng(seed), ViewRecipe(scenes=(scene,)))
-        sight = DETECTOR.look(view.frame, view.gravity_C if knows_down else None)
-        assert not sight.accepted, f"{scene}, seed {seed}"
-        assert sight.reason
+        for gravity_C in (view.gravity_C, None):
+            sight = DETECTOR.look(view.frame, gravity_C)
+            assert not sight.accepted, f"{scene}, seed {seed}"
+            assert sight.reason
 
 
 @pytest.mark.parametrize("pitch_deg", [0.0, 15.0, 65.0])
 @pytest.mark.parametrize("scene", ["shelf", "steep", "ladder", "boxes", "wall"])
 def test_furniture_seen_from_any_angle_yields_no_heading(scene: str, pitch_deg: float) -> None:
-    for seed in range(34_000, 34_006):
+    for seed in range(34_000, 34_003):
         view = draw_view(np.random.default_rng(seed), ViewRecipe(scenes=(scene,), pitch_deg=(pitch_deg, pitch_deg)))
         assert not DETECTOR.look(view.frame, None).accepted, f"seed {seed}"
 
