@@ -81,10 +81,10 @@ def organised(
     residual = float(np.hypot(rms_u, rms_v))
     if not (residual <= FIT_PX and fx > 0.0 and fy > 0.0):
         image = projected(seen, camera, colours)
-        used = f"{image.camera.width_px}×{image.camera.height_px}"
+        size = f"{image.camera.width_px}×{image.camera.height_px}"
         return image._replace(
             warning=f"the organised cloud is not a pinhole image (residual {residual:.1f} px, at most {FIT_PX:g}: lens "
-            f"distortion, a spinning lidar, or another frame than its camera's); seen through a virtual camera of {used} pixels"
+            f"distortion, a spinning lidar, or another frame than its camera's); seen through a virtual camera of {size} pixels"
         )
     fitted = PinholeCamera(width_px=width, height_px=height, fx_px=fx, fy_px=fy, cx_px=cx, cy_px=cy)
     depth = np.full(width * height, np.nan, dtype=np.float32)
