@@ -23,7 +23,7 @@ from treadline.run.recorded_run import recorded_run
 from treadline.run.resolve import resolve
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import DriveSettings, Scenario, Sensors, Start
-from treadline.vehicle.loading import payload_com, payload_origin
+from treadline.vehicle.bodies import payload_com, payload_origin
 from treadline.vehicle.staircase import as_designed
 
 from .conftest import SCENARIO, TICKS, signals_of_a_run, stair_map, truth

@@ -11,7 +11,7 @@ from treadline.plant.faults import Damage
 from treadline.plant.mujoco import MujocoPlant, open_plant
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Chair, Control, Scenario, Stair, Start
-from treadline.vehicle.loading import centre_of_mass
+from treadline.vehicle.bodies import centre_of_mass
 
 ARMED = read_chair("wheelchair")
 NOISE_N_M = 2.0
