@@ -29,8 +29,7 @@ from treadline.plant.mujoco import MujocoPlant
 from treadline.plant.mujoco import _step_kernels as kernels
 from treadline.scenario.chair import GRAVITY_M_S2, read_chair
 from treadline.scenario.scenario import Chair, Stair
-from treadline.vehicle.bodies import vehicle
-from treadline.vehicle.loading import centre_of_mass
+from treadline.vehicle.bodies import centre_of_mass, vehicle
 from treadline.vehicle.quasi_static import QuasiStaticRun, quasi_static_run
 from treadline.vehicle.stair_solids import stair_solids
 

@@ -11,7 +11,8 @@ from treadline.core.angles import DEG
 from treadline.core.errors import MechanicsError
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair
-from treadline.vehicle.loading import Loading, centre_of_mass, centre_of_mass_level, plumb
+from treadline.vehicle.bodies import centre_of_mass
+from treadline.vehicle.loading import Loading, centre_of_mass_level, plumb
 
 CHAIR = read_chair("wheelchair")
 

@@ -17,7 +17,7 @@ from treadline.core.linear_systems import impulse_response, initial_state, prefi
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.core.other_libraries import as_matlab, as_python, as_transfer_function, transfer_functions
 from treadline.core.printing import percent_text
-from treadline.core.samples import record_of
+from treadline.core.state_space import record_of
 
 GAIN = np.array([[0.3, 0.1], [0.0, 0.2], [0.1, 0.0]])
 

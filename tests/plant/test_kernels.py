@@ -10,7 +10,7 @@ from treadline.plant.sensors import _pose_kernels as kernels
 from treadline.plant.sensors._instruments import chair_numbers
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair
-from treadline.vehicle.loading import centre_of_mass, payload_com, payload_place
+from treadline.vehicle.bodies import centre_of_mass, payload_com, payload_place
 from treadline.vehicle.tip_over_margin import Support, tipping_margins
 
 

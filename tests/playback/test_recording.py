@@ -16,7 +16,7 @@ from treadline.core.signals import ImuSample
 from treadline.playback import Recording, RecordingBuilder, SignalCollector, read_frames, read_recording
 from treadline.ros.recorder import open_bag
 from treadline.scenario.chair import read_chair
-from treadline.vehicle.loading import payload_com, payload_origin
+from treadline.vehicle.bodies import payload_com, payload_origin
 from treadline.vehicle.staircase import Staircase, as_designed
 
 from .conftest import SCENARIO, TICKS, signals_of_a_run, stair_map, truth

@@ -23,8 +23,8 @@ from treadline.run.resolve import mission_config, resolve
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair, Scenario
 from treadline.scenario.shipped_files import chair_file, shipped_controller
-from treadline.vehicle.bodies import vehicle
-from treadline.vehicle.loading import Loading, centre_of_mass, payload_place
+from treadline.vehicle.bodies import centre_of_mass, payload_place, vehicle
+from treadline.vehicle.loading import Loading
 from treadline.vehicle.sdf import sdf_model
 from treadline.vehicle.urdf import urdf
 from treadline.vehicle.verdict import check

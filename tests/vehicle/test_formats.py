@@ -16,8 +16,7 @@ from treadline.core.rotations import rotation_x, rotation_y, rotation_z
 from treadline.plant.mujoco._mjcf_scene import model_xml
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Chair, Scenario, Stair, Start
-from treadline.vehicle.bodies import vehicle
-from treadline.vehicle.loading import centre_of_mass
+from treadline.vehicle.bodies import centre_of_mass, vehicle
 from treadline.vehicle.sdf import divided, sdf_model, sdf_world
 from treadline.vehicle.stair_solids import stair_boxes, stair_solids
 from treadline.vehicle.staircase import Staircase, as_designed, build_staircase

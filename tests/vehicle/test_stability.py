@@ -11,8 +11,9 @@ from treadline.core.angles import DEG
 from treadline.core.rotations import rotation_x, rotation_y, rotation_z
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Chair
-from treadline.vehicle.loading import centre_of_mass
-from treadline.vehicle.tip_over_margin import Margins, Support, static_margins, tipping_margins, worst_support
+from treadline.vehicle.bodies import centre_of_mass
+from treadline.vehicle.tip_over_margin import Margins, Support, tipping_margins, worst_support
+from treadline.vehicle.verdict import static_margins
 
 CHAIR = read_chair("wheelchair-fixed")
 RUN_M = 0.30

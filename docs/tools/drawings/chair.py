@@ -17,8 +17,8 @@ from treadline.report.svg_figures import GREEN, ORANGE
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.scenario import Chair
 from treadline.vehicle.appearance import BodyName, MeshPart, body_poses, chair_parts, resting_lugs
+from treadline.vehicle.bodies import payload_com, payload_origin
 from treadline.vehicle.linkage import SeatLinkage
-from treadline.vehicle.loading import payload_com, payload_origin
 
 EMPTY = Chair(payload_kg=0.0)
 """Loading of a drawn chair: without a person, whose legs would hide the linkage."""

@@ -76,9 +76,6 @@ class Spec:
                 tables = put(tables, tuple(draw.key.split(".")), drawn, DEFAULTS)
             for keys, value in self.fixed.items():
                 tables = put(tables, keys, value, DEFAULTS)
-        return self._whole(tables, name)
-
-    def _whole(self, tables: Tables, name: str) -> Drawn:
         label = tables.pop(LABEL, None)
         stair = tables.get("stair", {})
         if "slope_deg" in stair and "rise_m" in stair:

@@ -17,7 +17,15 @@ from treadline.core.errors import ModelError, RecordError, SettingsError, Treadl
 from treadline.core.files import read_json, write_json
 from treadline.core.printing import Plottable, Printable
 from treadline.core.signals import TICK_S, on_the_tick
-from treadline.core.state_space import InputOutputRecord, Provenance, StateSpaceModel, names_of, store_checked
+from treadline.core.state_space import (
+    InputOutputRecord,
+    Provenance,
+    StateSpaceModel,
+    measured,
+    names_of,
+    samples_of,
+    store_checked,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -135,7 +143,6 @@ class LinearModel(StateSpaceModel, Printable, Plottable):
                    [1.5]])
         """
         from treadline.core.linear_systems import simulate
-        from treadline.core.samples import samples_of
 
         inputs = np.asarray(samples_of("u", u)[0], dtype=float)
         inputs = inputs[:, None] if inputs.ndim == 1 else inputs
@@ -175,7 +182,6 @@ class LinearModel(StateSpaceModel, Printable, Plottable):
             True
         """
         from treadline.core.linear_systems import predictions
-        from treadline.core.samples import measured
 
         if horizon < 1:
             raise RecordError(f"horizon is {horizon}; at least 1 sample")
@@ -206,7 +212,6 @@ class LinearModel(StateSpaceModel, Printable, Plottable):
             100.0
         """
         from treadline.core.model_scores import compare
-        from treadline.core.samples import measured
 
         return compare(self, measured(self, u, y))
 

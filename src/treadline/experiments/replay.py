@@ -151,7 +151,7 @@ def replayed_run(
         "rejected": rejected,
         "refusals": dict(watched.refusals.most_common()),
         **scores.figures(),
-        "ms_per_frame": watched.median_ms,
+        "ms_per_frame": 1e3 * float(np.median(np.array(watched.spent_s))) if watched.spent_s else None,
         "real_time_factor": scores.ticks * TICK_S / max(cpu_s, 1e-9),
         "dropped": dict(recording.dropped),
         "topics": asdict(recording.topics),
@@ -203,23 +203,18 @@ class _Watched:
     def __init__(self, detector: Detector) -> None:
         self._detector = detector
         self.refusals: Counter[str] = Counter()
-        self._spent_s = array("d")
+        self.spent_s = array("d")
 
     def see(self, frame: RgbdFrame, gravity_C: Vector3 | None = None) -> Any:
         """Return what the detector returns for a frame."""
         started = time.perf_counter()
         seen = self._detector.see(frame, gravity_C)
-        self._spent_s.append(time.perf_counter() - started)
+        self.spent_s.append(time.perf_counter() - started)
         sight = getattr(seen, "sight", "of another detector")
         reason = getattr(sight, "reason", None if seen.measurement is not None or sight is None else "no heading")
         if reason is not None:
             self.refusals[_kind_of(reason)] += 1
         return seen
-
-    @property
-    def median_ms(self) -> float | None:
-        """Median time per frame [ms]; None without frames."""
-        return 1e3 * float(np.median(np.array(self._spent_s))) if self._spent_s else None
 
 
 # ---- the log, and the manifest of the run that wrote it ----

@@ -9,7 +9,7 @@ import numpy as np
 
 from treadline.core.errors import RecordError, ShapeMismatch, closest
 from treadline.core.models import InputOutputRecord
-from treadline.core.samples import record_of
+from treadline.core.state_space import record_of
 from treadline.io.records import read_record
 
 Columns = tuple[tuple[str, ...], tuple[str, ...]]

@@ -175,16 +175,14 @@ class Pairing:
     def _completed(self) -> list[Paired]:
         """Return the frame of the newest depth image that has its colour image, or needs none, after those given up for it."""
         for place in reversed(range(len(self._depths) if self._camera is not None else 0)):
-            colour = self._colour_of(self._depths[place])
-            is_calibrated = self._depths[place].t_s <= self._calibrated_s
+            depth = self._depths[place]
+            near = (colour for colour in self._colours if abs(colour.t_s - depth.t_s) <= PAIR_S)
+            # One of another size counts as none where a depth image is enough.
+            colour = next((found for found in near if found.size == depth.size or not self._is_alone_enough), None)
+            is_calibrated = depth.t_s <= self._calibrated_s
             if is_calibrated and (colour is not None or not self._has_colour):
                 return [*self._given_up(place), self._frame(self._depths.popleft(), colour)]
         return []
-
-    def _colour_of(self, depth: Picture) -> Picture | None:
-        """Return the colour image of its time; one of another size counts as none where a depth image is enough."""
-        near = (colour for colour in self._colours if abs(colour.t_s - depth.t_s) <= PAIR_S)
-        return next((colour for colour in near if colour.size == depth.size or not self._is_alone_enough), None)
 
     def _given_up(self, count: int) -> list[Paired]:
         """Return the frames of the oldest depth images, which wait no longer."""

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from treadline.core.angles import DEG
 from treadline.core.camera_images import RgbdFrame
 from treadline.core.ports import Truth
-from treadline.core.rotations import attitude_of
+from treadline.core.rotations import attitude_of, rotation_of
 from treadline.core.signals import (
     TICK_S,
     Event,
@@ -36,7 +36,6 @@ from treadline.playback._recording import (
     Limits,
     PerceivedStair,
     Recording,
-    in_world,
     phases_of,
     slip_of,
 )
@@ -313,7 +312,7 @@ class RecordingBuilder(SignalCollector):
                 continue
             k = int(np.clip(np.searchsorted(t_s, seen.t_s + 0.5 * TICK_S, side="right") - 1, 0, len(t_s) - 1))
             nosings_B = np.array(seen.nosings_B).reshape(-1, 3)
-            nosings_W = in_world(nosings_B, p_WB[k], quat_WB[k])
+            nosings_W = nosings_B @ rotation_of(quat_WB[k]).T + p_WB[k]
             placed = PerceivedStair(t_s=seen.t_s, taken_s=taken_s, nosings_B=nosings_B, nosings_W=nosings_W, ends=seen.ends)
             found.append(placed)
             if is_final:

@@ -26,7 +26,7 @@ from treadline.playback._read_run import manifest_of
 from treadline.playback._recording import SLIP_WINDOW_S, Recording
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.faults import EXTENTS, Fault, payload_shift_m
-from treadline.vehicle.loading import centre_of_mass
+from treadline.vehicle.bodies import centre_of_mass
 from treadline.vehicle.stair_solids import ground_m, stair_surfaces
 from treadline.vehicle.staircase import Staircase
 from treadline.vehicle.tip_over_margin import ROCKING_M, TIP_GAP_M, Margins, Support, tipping_margins

@@ -11,7 +11,6 @@ from typing import Any, get_args
 import numpy as np
 from jaxtyping import Float, Int
 
-from treadline.core.rotations import Vector3, rotation_of
 from treadline.core.signals import Event, Phase
 from treadline.core.slip import DRIVEN_LEAST_M, slip_ratio
 from treadline.scenario.chair import ChairDescription
@@ -230,8 +229,3 @@ SAMPLED = tuple(item.name for item in fields(Recording) if "ndarray" in str(item
 def staircase_of(scenario: Scenario, seed: int) -> Staircase:
     """Return the staircase of a run with its jitter, which the plants draw from the first stream of the run's seed."""
     return build_staircase(scenario.stair, np.random.default_rng(seed).spawn(1)[0], scenario.step)
-
-
-def in_world(points_B: Float[np.ndarray, "n 3"], p_WB: Vector3, quat_WB: Float[np.ndarray, " 4"]) -> Float[np.ndarray, "n 3"]:
-    """Return points of B in W."""
-    return points_B @ rotation_of(quat_WB).T + p_WB

@@ -83,6 +83,7 @@ def player_page(recording: Recording) -> str:
 def embedded(data: dict[str, Any], recording: Recording) -> dict[str, Any]:
     """Return what ``player_body.html.j2`` needs: script with its hash for the content security policy, style, and data."""
     script = "\n".join((TEMPLATES / name).read_text(encoding="utf-8") for name in SCRIPTS)
+    phases = ", ".join(span.name for span in recording.phases)
     digest = in_base64(hashlib.sha256(script.encode()).digest())
     return {
         # The package's own files, base64, and JSON in which every "<" is escaped.
@@ -91,7 +92,7 @@ def embedded(data: dict[str, Any], recording: Recording) -> dict[str, Any]:
         "css": Markup(_signs_css() + (TEMPLATES / "player.css").read_text(encoding="utf-8")),  # noqa: S704
         "legend": [(SIGNS[sign]["colour"], text) for sign in IN_SCENE for text in SIGNS[sign]["means"]],
         "data": Markup(json_in_page(data)),  # noqa: S704
-        "scene_text": _scene_text(recording),
+        "scene_text": f"Scene of chair and stair over {recording.duration_s:.0f} s" + (f"; phases: {phases}" if phases else ""),
     }
 
 
@@ -191,11 +192,6 @@ def _summary(recording: Recording) -> str:
         f"{'up' if scenario.drive.direction == 'up' else 'down'} {flight}, "
         f"friction {stair.friction[0]:g} along and {stair.friction[1]:g} across the belts. No claim to any safety standard is made."
     )
-
-
-def _scene_text(recording: Recording) -> str:
-    phases = ", ".join(span.name for span in recording.phases)
-    return f"Scene of chair and stair over {recording.duration_s:.0f} s" + (f"; phases: {phases}" if phases else "")
 
 
 def _pose(recording: Recording) -> dict[str, Any]:

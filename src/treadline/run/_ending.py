@@ -60,7 +60,10 @@ class Ending:
         if holding is not None and plan.t_s >= self._rearms_until_s:
             return "held", holding
         if plan.phase == "arrived":
-            if truth is None or self._is_there(truth):
+            if truth is None:
+                return "arrived", None
+            beyond_m = truth.x_m - self._last_x_m if self._is_up else -truth.x_m  # of mid-track, beyond the flight's last nosing
+            if abs(truth.pitch_rad) < LEVEL_RAD and beyond_m > 0.0:
                 return "arrived", None
             return "held", f"reported arrival at {plan.t_s:.2f} s, and has not arrived"
         if plan.phase == "refused":
@@ -70,11 +73,6 @@ class Ending:
         if plan.t_s >= self._duration_s - 0.5 * TICK_S:
             return "time_up", None
         return None
-
-    def _is_there(self, truth: Truth) -> bool:
-        """Return whether the chair is horizontal with mid-track beyond the flight's last nosing."""
-        beyond_m = truth.x_m - self._last_x_m if self._is_up else -truth.x_m
-        return abs(truth.pitch_rad) < LEVEL_RAD and beyond_m > 0.0
 
 
 def rough_cause(scores: Scores) -> str | None:

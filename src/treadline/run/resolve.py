@@ -93,18 +93,17 @@ class Setup:
         """
         from treadline.plant.faults import faulty
 
-        return faulty(self._open(), self.scenario, self.seed)
-
-    def _open(self) -> Plant:
         if self.opener == "mujoco":
             from treadline.plant.mujoco import open_plant
 
-            return open_plant(self.scenario, self.seed, chair=self.chair)
-        if self.opener == "gazebo":
+            plant: Plant = open_plant(self.scenario, self.seed, chair=self.chair)
+        elif self.opener == "gazebo":
             from treadline.plant.gazebo import open_gazebo
 
-            return open_gazebo(self.scenario, self.seed, chair=self.chair)
-        return self.opener(self.scenario, self.seed)
+            plant = open_gazebo(self.scenario, self.seed, chair=self.chair)
+        else:
+            plant = self.opener(self.scenario, self.seed)
+        return faulty(plant, self.scenario, self.seed)
 
     def require_controller(self) -> None:
         """Reject a rejected scenario for whose vehicle no controller is shipped: the answer of ``check`` precedes the controller.

@@ -114,17 +114,13 @@ class CameraFile(Settings):
         return self
 
     @model_validator(mode="after")
-    def _fits_its_size(self) -> "CameraFile":
+    def _is_a_lens_of_its_size(self) -> "CameraFile":
         for axis, place, size in (("cx", self.cx_px, self.width), ("cy", self.cy_px, self.height)):
             if not AT_THE_EDGE * size < place < (1.0 - AT_THE_EDGE) * size:
                 raise ValueError(
                     f"{axis}_px = {place:g} lies at the edge of an image of {self.width}×{self.height}; is the calibration of "
                     "another size?"
                 )
-        return self
-
-    @model_validator(mode="after")
-    def _is_a_lens(self) -> "CameraFile":
         for focal, length, size in (("fx", self.fx_px, self.width), ("fy", self.fy_px, self.height)):
             field_deg = 2.0 * math.atan(0.5 * size / length) / DEG
             if not FIELD_DEG[0] <= field_deg <= FIELD_DEG[1]:

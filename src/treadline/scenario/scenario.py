@@ -292,14 +292,10 @@ class Scenario(Printable, Settings):
         return chair.changed(**{mount: lens | (device.mount if mount == ahead else {}) for mount in mounts})
 
     @model_validator(mode="after")
-    def _tables_of_lists_agree(self) -> "Scenario":
+    def _tables_agree(self) -> "Scenario":
         problem = step_problem(self.stair, self.step) or act_problem(self.operator)
         if problem is not None:
             raise ValueError(problem)
-        return self
-
-    @model_validator(mode="after")
-    def _starts_on_the_flight(self) -> "Scenario":
         if self.start.place == "flight" and self.start.step >= self.stair.steps:
             raise ValueError(
                 f"start.step is {self.start.step}, the flight has {self.stair.steps} steps; give one from 0 to "

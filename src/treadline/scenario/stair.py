@@ -125,10 +125,6 @@ class Stair(Settings):
                 f"missing_steps names step {beyond[0]} of {self.flights} flights of {self.steps} steps, counted over all from the "
                 f"floor; it must be below {count - 1} and no flight's uppermost, for that is its landing"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _overhangs_something(self) -> "Stair":
         if self.overhang_m and self.open_risers:
             raise ValueError(_hangs_over_nothing(self.overhang_m))
         return self

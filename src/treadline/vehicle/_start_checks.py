@@ -99,13 +99,9 @@ def _overlapping(scenario: Scenario, chair: ChairDescription, staircase: Stairca
         return None
     step = f" {found.index}" if found.index >= 0 else ""
     into = f"{'the' if found.into == 'floor' or step else 'a'} {found.into}{step}"
-    return f"{_part(found)} would start {found.depth_m:.2f} m inside {into}; {_remedy(found, scenario)}"
-
-
-def _part(found: Overlap) -> str:
-    """Return the name of the part, with its side if any."""
     side, _, name = found.part.rpartition("_")
-    return PARTS.get(name, "the belt") + (f" on the {side}" if side else "")
+    part = PARTS.get(name, "the belt") + (f" on the {side}" if side else "")
+    return f"{part} would start {found.depth_m:.2f} m inside {into}; {_remedy(found, scenario)}"
 
 
 def _remedy(found: Overlap, scenario: Scenario) -> str:

@@ -27,7 +27,7 @@ from treadline.core.errors import MechanicsError
 from treadline.core.rotations import Vector3
 from treadline.scenario.chair import ChairDescription, Tracks
 from treadline.scenario.scenario import Chair
-from treadline.vehicle.loading import centre_of_mass
+from treadline.vehicle.bodies import centre_of_mass
 from treadline.vehicle.tracks import road_wheels
 
 ROUNDING = np.geomspace(1e-1, 1e-8, 8)

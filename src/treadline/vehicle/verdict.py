@@ -13,13 +13,13 @@ from treadline.core.step_sizes import RISE_M, RUN_M, SINGLE_RISE_M
 from treadline.scenario.chair import ChairDescription, Tracks
 from treadline.scenario.scenario import SEAT_SHIFT_M, Chair, Scenario, Stair
 from treadline.vehicle._start_checks import checked_start
-from treadline.vehicle.bodies import oversized_lugs
+from treadline.vehicle.bodies import centre_of_mass, oversized_lugs
 from treadline.vehicle.climb import Climb, climb_of, widest_spacing_m
 from treadline.vehicle.linkage import SeatLinkage
 from treadline.vehicle.loading import Loading
 from treadline.vehicle.staircase import as_designed
 from treadline.vehicle.start_pose import length_m
-from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD, Margins, static_margins
+from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD, Margins, tipping_margins, worst_support
 from treadline.vehicle.tracks import (
     friction_use,
     largest_heading_rad,
@@ -150,6 +150,22 @@ def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
         warnings=_unit_warnings(scenario, chair),
         nosings_in_view=nosings_in_view,
     )
+
+
+def static_margins(chair: ChairDescription, loading: Chair, slope_rad: float, pitch_m: float | None, heading_rad: float) -> Margins:
+    """Return the tip-over margins of a chair at rest on a stair, with the seat, if it has a linkage, levelled against the pitch.
+
+    A square chair lays its flipper along the flight, where it supports the front; a turned chair lifts it to turn.
+
+    Args:
+        pitch_m: Largest distance between neighbouring nosings [m]; None for a single one: floor and landing bear the belts' ends.
+    """
+    up = (math.sin(slope_rad) * math.cos(heading_rad), -math.sin(slope_rad) * math.sin(heading_rad), math.cos(slope_rad))
+    pitch = math.asin(up[0])
+    com = centre_of_mass(chair, loading, pitch)
+    lifted = heading_rad != 0.0 or pitch_m is None
+    weight_n = None if lifted else Loading(chair=chair, payload_kg=loading.payload_kg).weight_n
+    return tipping_margins(com, up, worst_support(chair, pitch_m or 0.0, weight_n))
 
 
 def _unit_warnings(scenario: Scenario, chair: ChairDescription) -> list[str]:

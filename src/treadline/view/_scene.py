@@ -17,7 +17,7 @@ from treadline.playback import HALF_LINE_M, Recording, support_at
 from treadline.report.plot_table import SIGNS
 from treadline.scenario.scenario import Belts
 from treadline.vehicle.appearance import MeshPart, body_poses, chair_parts, lug_part, lug_poses, stair_parts
-from treadline.vehicle.loading import centre_of_mass
+from treadline.vehicle.bodies import centre_of_mass
 from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD
 from treadline.view._feed import Feed
 from treadline.view._messages import ShownFrame, latest

@@ -149,12 +149,12 @@ class Session:
             self.cursor_s = 0.0
         if not self.playing and self.is_live and not self.attended:
             self.following = False
-        self._pace()
+        self._command("speed", self.speed if self.playing else PAUSE)
 
     def set_speed(self, speed: float) -> None:
         """Set the speed of display and attended simulation."""
         self.speed = speed
-        self._pace()
+        self._command("speed", self.speed if self.playing else PAUSE)
 
     def step(self, ticks: int) -> None:
         """Pause and move by ticks; an attended run at its newest instant simulates them."""
@@ -183,9 +183,6 @@ class Session:
             case _:
                 self.play()
 
-    def _pace(self) -> None:
-        self._command("speed", self.speed if self.playing else PAUSE)
-
     def _command(self, kind: str, value: Any) -> None:
         """Send a command to the simulation of an attended run; without one it is ignored."""
         if self.attended and self.is_live:
@@ -200,13 +197,11 @@ class Session:
             self.feed.workers["run"].send("contacts", asked)
         elif not asked:
             self.feed.close("repeat")
-        elif self.can_repeat and "repeat" not in self.feed.workers and not self._has_all_contacts:
-            self.feed.start_repeat()
-
-    @property
-    def _has_all_contacts(self) -> bool:
-        known = self.feed.contacts
-        return len(known) == CONTACTS_MAX or (len(known) > 0 and known[-1].t_s - known[0].t_s >= self.feed.end_s - 2.0 * TICK_S)
+        elif self.can_repeat and "repeat" not in self.feed.workers:
+            known = self.feed.contacts
+            reaches_end = len(known) > 0 and known[-1].t_s - known[0].t_s >= self.feed.end_s - 2.0 * TICK_S
+            if len(known) != CONTACTS_MAX and not reaches_end:
+                self.feed.start_repeat()
 
     @property
     def contacts_note(self) -> str:

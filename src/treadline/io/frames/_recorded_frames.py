@@ -115,8 +115,11 @@ class FramesOfLog:
     def _frames(self, topic: RecordedTopic, logged_ns: int, data: bytes) -> list[Paired]:
         """Return the frames that a message completes."""
         message, role = received(topic, data, logged_ns, self._origin_ns), self._roles[topic.name]
-        if role in ("depth", "cloud") and not self._is_later(message.t_s):
-            return []
+        if role in ("depth", "cloud"):
+            if message.t_s <= self._last_s:
+                self._repeated += 1
+                return []
+            self._last_s = message.t_s
         if role != "cloud":
             return self._pairing.take(role, *message)
         values, size = point_cloud(message.body), (message.body.width, message.body.height)
@@ -141,13 +144,6 @@ class FramesOfLog:
         if image.warning is not None and not self._noted:
             self._noted[image.warning] = None
         return Paired(image.frame, image.has_colour)
-
-    def _is_later(self, t_s: float) -> bool:
-        """Return whether a stamp is later than the one before; count it otherwise."""
-        later = t_s > self._last_s
-        self._repeated += not later
-        self._last_s = max(t_s, self._last_s)
-        return later
 
     def _named(self, number: int, paired: Paired) -> NamedFrame:
         frame, has_colour = paired

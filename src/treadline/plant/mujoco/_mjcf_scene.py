@@ -81,7 +81,7 @@ def _scene(
     paired: bool = False,
 ) -> str:
     boxes = [placed for number, solid in enumerate(stair) for placed in _boxes(number, solid)]
-    nosings = [(nosing_name(number), solid.nosing) for number, solid in enumerate(stair) if solid.nosing is not None]
+    nosings = [(f"nosing_{number}", solid.nosing) for number, solid in enumerate(stair) if solid.nosing is not None]
     touched = [(name, kind) for name, kind, _ in boxes] + [(name, "stair") for name, _ in nosings]
     belts = [shape for body in chair.bodies for shape in body.shapes + body.wheels if shape.belt is not None]
     return _template().render(
@@ -136,17 +136,12 @@ def _boxes(number: int, solid: Solid) -> Iterator[tuple[str, str, Box]]:
         yield f"{kind}_{number}", kind, replace(box, centre_W=(cx, cy, cz), half_m=(x, y, half_m))
 
 
-def nosing_name(number: int) -> str:
-    """Return the name of the bar of a solid's rounded nosing."""
-    return f"nosing_{number}"
-
-
 def friction_table(model: mujoco.MjModel, staircase: Staircase) -> Float[np.ndarray, "g 8"]:
     """Return the belt friction of each geom; geoms outside the stair have its design friction."""
     table = np.zeros((model.ngeom, coulomb.MU_COLUMNS))
     table[:, coulomb.MU_LEFT : coulomb.MIDDLE] = (*staircase.friction, *staircase.friction)
     for number, solid in enumerate(stair_solids(staircase)):
-        names = [name for name, _, _ in _boxes(number, solid)] + [nosing_name(number)] * (solid.nosing is not None)
+        names = [name for name, _, _ in _boxes(number, solid)] + [f"nosing_{number}"] * (solid.nosing is not None)
         for name in names:
             table[model.geom(name).id] = _friction_row(solid.box, staircase)
     return table

@@ -29,7 +29,7 @@ from treadline.plant.mujoco.contact._parameters import NOMINAL, Physics, fit_lug
 from treadline.plant.sensors._instruments import SUPPORT_TICKS, ChairState, InstrumentedPlant, look
 from treadline.plant.sensors.camera.solids import SceneBox
 from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription
-from treadline.scenario.scenario import Chair, Scenario
+from treadline.scenario.scenario import Scenario
 from treadline.vehicle.bodies import vehicle
 from treadline.vehicle.staircase import up_W
 from treadline.vehicle.start_pose import standing
@@ -63,7 +63,7 @@ class MujocoPlant(InstrumentedPlant):
         if self._scenario.chair.sways:  # at rest until t = 0, at one end of the sway
             self._sway[kernels.SWAY_PHASE] = self._sway[kernels.SWAY_OMEGA] = 0.0
         self._pose()
-        self._lugs.start()
+        self._lugs.travel_m[:] = self._lugs.start_m
         self.set_damage(Damage())
         self._settle()
         self._data.time = 0.0
@@ -170,12 +170,9 @@ class MujocoPlant(InstrumentedPlant):
             # MuJoCo ignores the centre of mass of a body that was compiled with it at the origin.
             self._model.body_sameframe[self._seat_body] = mujoco.mjtSameFrame.mjSAMEFRAME_BODYROT
         self._payload_rest_m = self._model.body_ipos[self._seat_body].copy()
-        self._sway = _sway_of(
-            self._scenario.chair,
-            self._model.body_mass[self._seat_body],
-            self._model.body_ipos[self._seat_body],
-            self._physics.timestep_s,
-        )
+        loading, (x_m, y_m, _) = self._scenario.chair, self._model.body_ipos[self._seat_body]
+        seat = (self._physics.timestep_s, self._model.body_mass[self._seat_body], *loading.sway_m, x_m, y_m)
+        self._sway = np.array([0.0, 0.0, *seat] if loading.sways else [])
         self._corrected = np.array([True])
         """Whether contact forces are corrected to Coulomb's law; False keeps MuJoCo's convex solution, for comparison."""
         self._weight_n = float(self._model.body_subtreemass[1]) * GRAVITY_M_S2
@@ -355,17 +352,6 @@ def _view(address: int, rows: int, columns: int, kind: Any) -> np.ndarray:
     """Return an array mapped onto MuJoCo's memory."""
     size = rows * columns * np.dtype(kind).itemsize
     return np.frombuffer((ctypes.c_char * size).from_address(address), dtype=kind).reshape(rows, columns)
-
-
-def _sway_of(chair: Chair, seat_kg: float, rest_m: Vector3, timestep_s: float) -> Float[np.ndarray, " k"]:
-    """Return the sway parameters of a passenger for the compiled loop, initially at rest; empty without sway.
-
-    Args:
-        seat_kg: Mass rotating with the seat, including the seat shell.
-        rest_m: Centre of this mass in the seat frame [m].
-        timestep_s: MuJoCo time step [s].
-    """
-    return np.array([0.0, 0.0, timestep_s, seat_kg, *chair.sway_m, rest_m[0], rest_m[1]]) if chair.sways else np.array([])
 
 
 def open_plant(

@@ -35,7 +35,7 @@ from treadline.plant.sensors.imu import IMUS, Imu
 from treadline.plant.sensors.statistical_camera import EXACT_PLACE_M, StatisticalCamera
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.scenario import Chair, Realism, Scenario
-from treadline.vehicle.loading import payload_com, payload_origin
+from treadline.vehicle.bodies import payload_com, payload_origin
 from treadline.vehicle.stair_solids import stair_surfaces
 from treadline.vehicle.staircase import Staircase, build_staircase, up_W
 from treadline.vehicle.tip_over_margin import ROCKING_M, TIP_GAP_M

@@ -173,7 +173,9 @@ class _Errors:
         if latent["accept"] > np.interp(second, table["accept"]["margins_px"], accept) or seen.run_m > RUN_M[1]:
             return None
         nosing_errors = normal[len(LATENTS) :].reshape(len(NOSING_ERRORS), -1)[:, seen.numbers]
-        which = self._which(table["told"], seen, nosing_errors[0])
+        spare = np.array(table["told"]["score"])[reported_cell(seen)] - nosing_errors[0]
+        spare[np.argsort(spare)[-2:]] = np.inf  # at least the two best nosings are reported, because the frame was accepted
+        which = np.flatnonzero(spare > 0.0)
         cell = cell_of(len(which))
         nosings = self._nosings(table, seen, which, nosing_errors[1:, which], np.array([latent["along"], latent["height"]]))
         slope = math.atan2(seen.rise_m, seen.run_m) + self._value(table["slope"][cell], latent["slope"])
@@ -197,13 +199,6 @@ class _Errors:
         if k < 0 or k >= len(grid) - 1:
             return quantiles[max(k, 0)]
         return (quantiles[k + 1] - quantiles[k]) / (grid[k + 1] - grid[k]) * (normal - grid[k]) + quantiles[k]
-
-    def _which(self, table: dict[str, Any], seen: Visibility, normal: Float[np.ndarray, " n"]) -> Int[np.ndarray, " k"]:
-        """Return the indices of the reported nosings: at least the two best, because the frame was accepted."""
-        row, column = reported_cell(seen)
-        spare = np.array(table["score"])[row, column] - normal
-        spare[np.argsort(spare)[-2:]] = np.inf
-        return np.flatnonzero(spare > 0.0)
 
     def _nosings(
         self,

@@ -28,8 +28,8 @@ from treadline.vehicle.appearance._mesh import (
     rounded_box,
     tube,
 )
+from treadline.vehicle.bodies import payload_com, payload_origin
 from treadline.vehicle.linkage import SeatLinkage
-from treadline.vehicle.loading import payload_com, payload_origin
 
 ROD_M = 0.012
 """Radius of the rods of seat and linkage [m] (drawn only)."""

@@ -18,8 +18,7 @@ import numpy as np
 from treadline.core.rotations import rotation_y
 from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription
 from treadline.scenario.scenario import Chair
-from treadline.vehicle.bodies import vehicle
-from treadline.vehicle.loading import centre_of_mass
+from treadline.vehicle.bodies import centre_of_mass, vehicle
 from treadline.vehicle.quasi_static import QuasiStaticRun, contact_loads, nosing_contacts
 
 ROUNDING_M_S = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)

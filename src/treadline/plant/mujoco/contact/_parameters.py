@@ -82,10 +82,6 @@ class Lugs:
     part_of: Int[np.ndarray, " g"]
     """Belt part of each geom."""
 
-    def start(self) -> None:
-        """Reset the travel to its initial value."""
-        self.travel_m[:] = self.start_m
-
 
 def fit_lugs(
     settings: Belts, tracks: Tracks, model: mujoco.MjModel, belts: Int[np.ndarray, "2 g"], draws: np.random.Generator
