@@ -7,7 +7,9 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
+from importlib import import_module
 from pathlib import Path
 
 import cv2
@@ -27,22 +29,21 @@ FILES = {
     for path in sorted(ROOT.rglob("*.py"))
 }
 
-FLOORS = {
-    package: floor
-    for contract in tomllib.loads((ROOT.parents[1] / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"][
-        "contracts"
-    ]
-    if contract["type"] == "layers"
-    for floor, layer in enumerate(reversed(contract["layers"]))
-    for package in layer.split(" | ")
-}
+CONTRACTS = tomllib.loads((ROOT.parents[1] / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"]["contracts"]
+LAYERS = next(contract["layers"] for contract in CONTRACTS if contract["type"] == "layers")
+FLOORS = {package: floor for floor, layer in enumerate(reversed(LAYERS)) for package in layer.split(" | ")}
 """Floor of each package, from the ground: the layers of the import contract."""
 NAMED = re.compile(r"treadline(?:\.\w+)+")
 
 
+@cache
+def tree_of(module: str) -> ast.Module:
+    return ast.parse(FILES[module].read_text(encoding="utf-8"))
+
+
 def imports(module: str) -> Iterator[str]:
     """Yield the modules of treadline that a module imports anywhere in its text, for types alone included."""
-    for node in ast.walk(ast.parse(FILES[module].read_text(encoding="utf-8"))):
+    for node in ast.walk(tree_of(module)):
         if isinstance(node, ast.Import):
             yield from (item.name for item in node.names if item.name in FILES)
         elif isinstance(node, ast.ImportFrom):
@@ -89,8 +90,8 @@ def test_a_text_names_no_module_of_a_higher_floor() -> None:
     floors = {module: FLOORS[module.split(".")[1]] if "." in module else len(FLOORS) for module in FILES}
     texts = [
         (module, node.value)
-        for module, path in FILES.items()
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for module in FILES
+        for node in ast.walk(tree_of(module))
         if isinstance(node, ast.Constant) and isinstance(node.value, str)
     ]
     higher = [(module, name) for module, text in texts for name in named(text) if floors[name] > floors[module]]
@@ -166,3 +167,19 @@ def test_the_guard_loads_neither_numpy_nor_any_package_but_core() -> None:
     assert not {"numpy", "scipy", "jaxtyping", "numba"} & set(loaded)
     ours = {name.split(".")[1] for name in loaded if name.startswith("treadline.")}
     assert ours == {"core", "guard"}
+
+
+@pytest.mark.parametrize(
+    ("name", "successor"),
+    [
+        ("treadline.models", "treadline.core.models"),
+        ("treadline.sim", "treadline.plant.mujoco"),
+        ("treadline.ros.zenoh", "treadline_ros2"),
+        ("treadline.core.model_methods", "treadline.core.models.LinearModel"),
+    ],
+)
+def test_a_module_that_left_is_an_import_error_that_names_its_successor(name: str, successor: str) -> None:
+    with pytest.raises(ImportError, match=rf"{name} left with treadline 0\.4; use .*{successor}"):
+        import_module(name)
+    with pytest.raises(ModuleNotFoundError, match=r"treadline\.modles"):
+        import_module("treadline.modles")
