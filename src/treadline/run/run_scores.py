@@ -209,12 +209,12 @@ def roll_back(onward_m: Float[np.ndarray, " T"], pitch_rad: Float[np.ndarray, " 
     return max((float((np.maximum.accumulate(part) - part).max()) for part in stretches), default=0.0)
 
 
-def lasting_minimum(values: Float[np.ndarray, " T"], ticks: int = MARGIN_TICKS) -> float:
-    """Return the minimum over time of the maximum over ``ticks`` consecutive samples.
+def lasting_minimum(values: Float[np.ndarray, " T"]) -> float:
+    """Return the minimum over time of the maximum over ``MARGIN_TICKS`` consecutive samples.
 
     Shorter dips do not count; a shorter run is one window.
     """
-    window = min(ticks, len(values))
+    window = min(MARGIN_TICKS, len(values))
     return float(np.lib.stride_tricks.sliding_window_view(values, window).max(axis=1).min())
 
 
