@@ -20,8 +20,8 @@ from treadline.report._results import Manifest, RunResult
 from treadline.report._run_page import headline
 from treadline.report.labels import LABELS, score_groups
 from treadline.report.run_figure import single_run
-from treadline.run.run_scores import Scores, Trace, comfort_of
-from treadline.vehicle.comfort import lasting
+from treadline.run.run_scores import Scores, Trace
+from treadline.vehicle.comfort import comfort, lasting
 
 from .conftest import HOSTILE
 
@@ -162,7 +162,8 @@ def test_the_curves_of_a_log_are_what_the_scores_are_the_peaks_of(run_folder: Pa
     trace = Trace.of(truth)
     assert np.radians(np.abs(rate).max()) == pytest.approx(np.abs(lasting(trace["pitch_rate_rad_s"])).max())
     # Stamps are kept to the nanosecond, and differences of places are divided by them twice.
-    assert passenger.max() == pytest.approx(comfort_of(trace).total_m_s2, rel=1e-5)
+    places_W = np.stack([trace[f"passenger_{axis}_m"] for axis in "xyz"])
+    assert passenger.max() == pytest.approx(comfort(places_W, trace["yaw_rad"]).total_m_s2, rel=1e-5)
 
 
 def test_what_a_log_without_truth_does_not_know_has_no_panel(run_folder: Path) -> None:

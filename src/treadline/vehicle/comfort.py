@@ -1,6 +1,6 @@
 """Measures that the scores of a run share with its report: comfort, and the bounds of the steady part.
 
-Comfort is judged by means over 50 ms of pitch rate and passenger acceleration; ISO 2631-1 weights vertical motion below about 10 Hz.
+Comfort is judged by means over 50 ms of pitch rate and passenger acceleration. ISO 2631-1 weights vertical motion below 10 Hz.
 """
 
 from dataclasses import dataclass
