@@ -9,7 +9,7 @@ from uncertainty_figures import FIGURES, VariedFigure, budget
 from uncertainty_runs import ALL_RUNS, NOMINAL_VARIATION, SOURCES, SUMMED, VARIATIONS, Variation
 
 from treadline.core.files import read_json
-from treadline.experiments._sensitivity import NEAREST, SENSITIVITY, read_sensitivity, shown, with_nearest, with_sensitivity
+from treadline.experiments._sensitivity import NEAREST, SENSITIVITY, shown, with_nearest, with_sensitivity
 from treadline.report._results import Moves
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair, Scenario
@@ -109,7 +109,7 @@ def test_the_package_has_the_budget_of_each_figure() -> None:
 
 
 def test_each_part_that_is_not_varied_has_the_moves_of_one_that_is() -> None:
-    completed, measured = read_sensitivity(), read_json(SENSITIVITY)
+    completed, measured = with_nearest(read_json(SENSITIVITY)), read_json(SENSITIVITY)
     for part, (nearest, label) in NEAREST.items():
         found = shown(completed, part)
         assert set(found) >= set(shown(completed, nearest)) != set()
@@ -141,7 +141,7 @@ def bare_results() -> dict[str, Any]:
 
 
 def test_every_row_of_the_results_has_its_sensitivity() -> None:
-    found = with_sensitivity(bare_results(), read_sensitivity())
+    found = with_sensitivity(bare_results(), with_nearest(read_json(SENSITIVITY)))
     for part, value in found.items():
         rows = value if isinstance(value, list) else [value, *value.get("slopes", [])]
         for row in rows if part != "sensitivity" else ():

@@ -84,9 +84,8 @@ class Spec:
             stair["run_m"] = stair["rise_m"] / math.tan(stair.pop("slope_deg") * DEG)
         scenario = scenario_of(tables, self.path, where=f"{self.path}: {name}")
         whole = scenario.model_dump()
-        keys = dict.fromkeys([draw.key for draw in self.draws if draw.key not in (LABEL, *LISTS)])
-        keys |= dict.fromkeys(SHAPE)
-        values = {key: get_value(whole, key) for key in keys}
+        shown = dict.fromkeys([*(draw.key for draw in self.draws if draw.key not in (LABEL, *LISTS)), *SHAPE])
+        values = {key: get_value(whole, key) for key in shown}
         return Drawn(scenario=scenario, values=({} if label is None else {LABEL: label}) | values)
 
 

@@ -28,7 +28,8 @@ from treadline.core.signals import (
 )
 from treadline.mission.loop import Signal, Tick
 from treadline.run.recorded_run import PLAIN_SERIES, SERIES
-from treadline.run.run_scores import STEADY_FROM_S, settling_time
+from treadline.run.run_scores import settling_time
+from treadline.vehicle.comfort import STEADY_FROM_S
 
 ROUNDING_TICKS = 1e-6
 """Rounding error of a time stamp [ticks]."""

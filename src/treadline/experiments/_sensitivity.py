@@ -4,10 +4,8 @@
 A figure that the budget does not vary has the changes of the nearest figure that it does, labelled with its conditions.
 """
 
-from pathlib import Path
 from typing import Any
 
-from treadline.core.files import read_json
 from treadline.experiments.plan import CONTROLLER_GROUND, FIG10_SLOPE, GROUNDS, SLOPES_DEG, Ground
 from treadline.scenario.shipped_files import DATA
 
@@ -36,11 +34,6 @@ NEAREST = {
     "table2/0.9-0.5": (f"table2/0.9-0.5/{FIG10_SLOPE}", VARIED_SLOPE),
 }
 """Key of a part whose figures are not varied, key of the nearest part whose figures are, and the label of its conditions."""
-
-
-def read_sensitivity(path: Path = SENSITIVITY) -> Changes:
-    """Return the measured changes, and those of the nearest figure for figures that were not varied."""
-    return with_nearest(dict(read_json(path)))
 
 
 def with_nearest(measured: Changes) -> Changes:

@@ -17,8 +17,9 @@ from treadline.io.runs import write_result
 from treadline.mission.belt_controllers import ConstantSpeed
 from treadline.run.recorded_run import recorded_run
 from treadline.run.resolve import resolve
-from treadline.run.run_scores import STEADY_FROM_S, Trace, settling_time
+from treadline.run.run_scores import Trace, settling_time
 from treadline.scenario.scenario import Scenario
+from treadline.vehicle.comfort import STEADY_FROM_S
 
 DURATION_S = 40.0
 """Fig. 11's time axis."""

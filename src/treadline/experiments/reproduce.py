@@ -13,14 +13,14 @@ from statistics import median_high
 from typing import Any, Protocol
 
 from treadline.control.tune import tune
-from treadline.core.files import write_json
+from treadline.core.files import read_json, write_json
 from treadline.core.models import ControllerDesign
 from treadline.core.printing import plain
 from treadline.core.signals import SeatCommand, TrackCommand
 from treadline.experiments import _dead_zone, _fig05, _fig08_to_fig10, _lugs, as_printed, fig11
 from treadline.experiments._fig08_to_fig10 import ExciteJob, Recorded
 from treadline.experiments._job_pool import Call, Job, JobPool, RunJob
-from treadline.experiments._sensitivity import read_sensitivity, with_sensitivity
+from treadline.experiments._sensitivity import SENSITIVITY, with_nearest, with_sensitivity
 from treadline.experiments.plan import (
     CONTROLLER_GROUND,
     GRAVITY_ERROR_DEG,
@@ -104,7 +104,7 @@ def reproduce_paper(plan: ReproducePlan, out: Path, *, workers: int, progress: _
                 **provenance(),
             }
         )
-        values = with_sensitivity(values, read_sensitivity())
+        values = with_sensitivity(values, with_nearest(read_json(SENSITIVITY)))
         write_json(out / "results.json", values)
 
         def pages(title: str, function: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:

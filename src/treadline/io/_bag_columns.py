@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float64
+from jaxtyping import Float64
 
 from treadline.core.errors import LogFormatError, NotFinite, RecordError
 from treadline.io import mcap_read
@@ -59,7 +59,10 @@ def read_bag(path: Path, inputs: tuple[str, ...], outputs: tuple[str, ...], peri
     for j, name in enumerate(wanted):
         t, column = series[name]
         values[:, j] = held(grid + HALF, t, column) if j < len(inputs) else np.interp(grid, t, column)
-        values[_in_a_pause(grid, t, PAUSE * max(period_ns, medians[name])), j] = np.nan
+        # Without a value inside, not at the ends of, a pause.
+        before = np.clip(np.searchsorted(t, grid + HALF, side="right") - 1, 0, len(t) - 2)
+        is_inside = (grid > t[before] + HALF) & (grid < t[before + 1] - HALF)
+        values[is_inside & (np.diff(t)[before] > PAUSE * max(period_ns, medians[name])), j] = np.nan
     since_first = 1e-9 * (grid - grid[0])
     spot = ": {:.3f} s after the first common time"
     table = Table(file=path, names=wanted, values=values, clock=None, t_s=None, marks=since_first, spot=spot)
@@ -73,12 +76,6 @@ def _grid(path: Path, series: dict[str, _Series], period_ns: float) -> Float64[n
         spans = listed(f"{name} from {t[0] / 1e9:.3f} to {t[-1] / 1e9:.3f} s" for name, (t, _) in series.items())
         raise RecordError(f"{path}: the columns share less than a period of time ({spans}); are their stamps of one clock?")
     return first + period_ns * np.arange(rows_of(str(path), first, last + HALF, period_ns))
-
-
-def _in_a_pause(grid: Float64[np.ndarray, " k"], t: Float64[np.ndarray, " n"], longest: float) -> Bool[np.ndarray, " k"]:
-    """Return which points lie inside, not at the ends of, an interval longer than that."""
-    before = np.clip(np.searchsorted(t, grid + HALF, side="right") - 1, 0, len(t) - 2)
-    return (np.diff(t)[before] > longest) & (grid > t[before] + HALF) & (grid < t[before + 1] - HALF)
 
 
 @dataclass(slots=True)

@@ -64,7 +64,11 @@ class Actuators:
         """
         self.state[:] = 0.0
         if self._linkage is not None:
-            self.state[kernels.STROKE] = _stroke(self._linkage, seat_rad)
+            try:
+                self.state[kernels.STROKE] = self._linkage.stroke(seat_rad)
+            except MechanicsError as error:
+                remedy = "give start.seat = 'chassis', a gentler stair, or a chair with a longer seat.stroke_m"
+                raise SettingsError(f"start.seat = 'level' is impossible: {error}; {remedy}") from None
             self.state[kernels.SEAT_ANGLE] = seat_rad
         self.state[kernels.FLIPPER_TARGET] = flipper_rad
         self.command[:] = 0.0
@@ -100,14 +104,6 @@ def _seat_table(linkage: SeatLinkage) -> tuple[Vector3, Float[np.ndarray, " n"]]
     low, high = linkage.stroke_range
     strokes = np.linspace(low, high, TABLE_SIZE)
     return np.array([low, high, strokes[1] - strokes[0]]), np.array([linkage.angle(float(stroke)) for stroke in strokes])
-
-
-def _stroke(linkage: SeatLinkage, seat_rad: float) -> float:
-    try:
-        return linkage.stroke(seat_rad)
-    except MechanicsError as error:
-        remedy = "give start.seat = 'chassis', a gentler stair, or a chair with a longer seat.stroke_m"
-        raise SettingsError(f"start.seat = 'level' is impossible: {error}; {remedy}") from None
 
 
 def _flipper_limits(flipper: Flipper, *, limited: bool) -> Float[np.ndarray, " n"]:

@@ -34,8 +34,6 @@ class FrameNosings:
     """Exposure time of the frame [s]."""
     taken_s: float
     """Time at which the mission took the result [s]."""
-    perceived: int
-    """Number of perceived nosings."""
     found: tuple[int, ...]
     """True nosings that were perceived."""
     missed: tuple[int, ...]
@@ -252,6 +250,4 @@ def comparison_of(recording: Recording) -> NosingComparison | None:
 def _frame(comparison: NosingComparison, recording: Recording, seen: PerceivedStair) -> FrameNosings:
     k = recording.index_at(seen.t_s)
     found, missed = comparison.compare(seen.nosings_B, rotation_of(recording.quat_WB[k]), recording.p_WB[k])
-    return FrameNosings(
-        t_s=seen.t_s, taken_s=seen.taken_s, perceived=len(seen.nosings_B), found=found, missed=missed, ends=seen.ends
-    )
+    return FrameNosings(t_s=seen.t_s, taken_s=seen.taken_s, found=found, missed=missed, ends=seen.ends)

@@ -36,6 +36,7 @@ from treadline.report._player_data import plots_of, scene_of, uniform
 from treadline.report.answers import moments_of
 from treadline.report.labels import PHASES, TERMS
 from treadline.report.plot_table import SIGNS
+from treadline.vehicle.comfort import SETTLED_RAD
 from treadline.vehicle.stair_solids import stair_boxes
 
 IN_SCENE = ("perceived", "true", "missed", "estimate")
@@ -51,8 +52,6 @@ VERDICTS = {
     "time_up": "ran to its time limit",
 }
 """Verdicts in words, where they differ from their names."""
-SETTLED_RAD = 2.0 * DEG
-"""Largest deviation from the final heading of a settled run [rad], as in the settling time of the scores."""
 TRANSIENT_SHARE = 0.5
 """Largest share of a run that counts as a transient."""
 

@@ -14,11 +14,9 @@ from treadline.core.arrays import decimated
 from treadline.playback import Recording
 from treadline.report._player_data import passenger_m_s2
 from treadline.report.svg_figures import BLUE, GREEN, GREY, ORANGE, RED, STYLE
-from treadline.vehicle.comfort import COMFORT_TICKS, lasting
+from treadline.vehicle.comfort import COMFORT_TICKS, STEADY_FROM_S, lasting
 
 WIDTH_IN, PANEL_IN, STRIP_IN = 8.0, 1.3, 0.75
-STEADY_FROM_S = 20.0
-"""Start of the steady interval [s], as in the steady scores; half of a shorter run."""
 CLOSER_BY = 3.0
 """Smallest magnification at which an enlarged panel of the steady interval is drawn."""
 BANDS = ("#dbe9f6", "#f6ecd5")
@@ -123,6 +121,7 @@ def _motion(moved: Recording) -> list[Panel]:
 def _closer(series: Series, names: Sequence[str]) -> tuple[float, float] | None:
     """Return limits scaled to the steady interval; None if it is no flat line at the scale of the whole run."""
     t, curves = series["t_s"], [series[name] for name in names]
+    # Of a run shorter than the steady scores need, its second half.
     from_s = STEADY_FROM_S if t[-1] > 1.25 * STEADY_FROM_S else 0.5 * float(t[0] + t[-1])
     steady, whole = (_reach([curve[t >= start] for curve in curves]) for start in (from_s, -math.inf))
     if steady is None or whole is None or whole[1] - whole[0] < CLOSER_BY * (steady[1] - steady[0]):

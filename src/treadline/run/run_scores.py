@@ -16,14 +16,11 @@ from treadline.core.ports import Truth
 from treadline.core.printing import Brief
 from treadline.core.signals import TICK_S
 from treadline.plant.mujoco import TOLERANCE_M_S2
-from treadline.vehicle.comfort import comfort, lasting
+from treadline.vehicle.comfort import SETTLED_RAD, STEADY_FROM_S, comfort, lasting
 from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD
 
 LEVEL_RAD = 4.0 * DEG
 """Pitch up to which the chair counts as level, on the floor or a landing."""
-SETTLED_RAD = 2.0 * DEG
-STEADY_FROM_S = 20.0
-"""Start of the steady interval [s]: any turn from ±30° has ended before (Fig. 10)."""
 CREEP_FROM_S = 2.0
 """Time after a hold from which creep is measured [s]: the speed ramp of 0.3 s has ended, and rocking on the nosings has decayed."""
 CREEP_LEAST_S = 10.0
@@ -209,12 +206,12 @@ def roll_back(onward_m: Float[np.ndarray, " T"], pitch_rad: Float[np.ndarray, " 
     return max((float((np.maximum.accumulate(part) - part).max()) for part in stretches), default=0.0)
 
 
-def lasting_minimum(values: Float[np.ndarray, " T"], ticks: int = MARGIN_TICKS) -> float:
-    """Return the minimum over time of the maximum over ``ticks`` consecutive samples.
+def lasting_minimum(values: Float[np.ndarray, " T"]) -> float:
+    """Return the minimum over time of the maximum over ``MARGIN_TICKS`` consecutive samples.
 
     Shorter dips do not count; a shorter run is one window.
     """
-    window = min(ticks, len(values))
+    window = min(MARGIN_TICKS, len(values))
     return float(np.lib.stride_tricks.sliding_window_view(values, window).max(axis=1).min())
 
 

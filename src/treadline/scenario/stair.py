@@ -147,46 +147,45 @@ class Stair(Settings):
 
     @model_validator(mode="after")
     def _winders_fit(self) -> "Stair":
-        problem = self._winder_problem() if self.winders else None
-        if problem is not None:
-            raise ValueError(problem)
-        return self
-
-    def _winder_problem(self) -> str | None:
-        """Return why the winders cannot be built, or None."""
+        if not self.winders:
+            return self
         step_deg = self.winder_turn_deg / self.winders
         inner_m = 2.0 * self.newel_m * math.sin(0.5 * math.radians(step_deg))
         if self.flights > 1:
-            return f"winders is {self.winders} with {self.flights} flights; a stair has winders or landings: give flights = 1"
+            raise ValueError(
+                f"winders is {self.winders} with {self.flights} flights; a stair has winders or landings: give flights = 1"
+            )
         if self.open_risers:
-            return (
+            raise ValueError(
                 f"winders is {self.winders} with open_risers; the box of a winder reaches under the next steps, which open risers "
                 "would show: leave one of the two out"
             )
         if self.steps < 3:
-            return f"winders is {self.winders} of {self.steps} steps; at least two must be straight: give 3 steps or more"
+            raise ValueError(
+                f"winders is {self.winders} of {self.steps} steps; at least two must be straight: give 3 steps or more"
+            )
         if self.winders > self.steps - 2:
-            return (
+            raise ValueError(
                 f"winders is {self.winders} of {self.steps} steps; at least two must be straight, the landing among them: give at "
                 f"most {self.steps - 2} winders or more steps"
             )
         if self.first_winder > self.steps - 1 - self.winders:
-            return (
+            raise ValueError(
                 f"winder_first is {self.winder_first} with {self.winders} winders of {self.steps} steps; the step above the last "
                 f"winder must exist: give one from 0 to {self.steps - 1 - self.winders}"
             )
         if step_deg > WINDER_DEG:
             least = math.ceil(self.winder_turn_deg / WINDER_DEG)
-            return (
+            raise ValueError(
                 f"winder_turn_deg is {self.winder_turn_deg:g} with {self.winders} winders, {step_deg:g}° each; a winder turns by "
                 f"at most {WINDER_DEG:g}°: give at least {least} winders"
             )
         if inner_m < LEAST_SIDE_DEPTH_M:
-            return (
+            raise ValueError(
                 f"newel_m is {self.newel_m:g}, so each winder is {inner_m:.3f} m deep at the newel; it must be at least "
                 f"{LEAST_SIDE_DEPTH_M:g} m: give a larger newel_m or fewer winders"
             )
-        return None
+        return self
 
     @property
     def first_winder(self) -> int:

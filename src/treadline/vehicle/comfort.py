@@ -1,6 +1,6 @@
-"""Comfort measures: means over 50 ms of pitch rate and passenger acceleration.
+"""Measures that the scores of a run share with its report: comfort, and the bounds of the steady part.
 
-ISO 2631-1 weights vertical motion below about 10 Hz.
+Comfort is judged by means over 50 ms of pitch rate and passenger acceleration. ISO 2631-1 weights vertical motion below 10 Hz.
 """
 
 from dataclasses import dataclass
@@ -8,10 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from treadline.core.angles import DEG
 from treadline.core.signals import TICK_S
 
 COMFORT_TICKS = 5
 """Length of the averaging window [ticks]: 50 ms at 100 Hz."""
+STEADY_FROM_S = 20.0
+"""Start of the steady interval [s]: any turn from ±30° has ended before (Fig. 10)."""
+SETTLED_RAD = 2.0 * DEG
+"""Largest deviation from the final heading of a settled run [rad]."""
 
 
 def lasting(values: Float[np.ndarray, " T"]) -> Float[np.ndarray, " t"]:

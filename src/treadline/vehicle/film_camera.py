@@ -8,11 +8,9 @@ import math
 from treadline.core.rotations import Vector3
 
 SIZE_PX = (720, 405)
-SPEED_UP = 4.0
-"""Playback speed over simulated time."""
 FRAMES_PER_S = 10.0
-FRAME_S = SPEED_UP / FRAMES_PER_S
-"""Mission time between two images [s]."""
+FRAME_S = 4.0 / FRAMES_PER_S
+"""Mission time between two images [s]: the film plays four times as fast as the chair drives."""
 BACKGROUND = (0.93, 0.945, 0.96)
 ACROSS_RAD = 2.0 * math.atan(SIZE_PX[0] / SIZE_PX[1] * math.tan(0.31))
 """Field of view across the width; across the height 0.62 rad, as in the player's scene."""

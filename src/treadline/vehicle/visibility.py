@@ -136,7 +136,11 @@ class Geometry:
         if abs(heading) > HEADING_LIMIT_RAD:
             return None
         points = (self._edges_W - p_WC) @ R_WC
-        margins = np.where(self._hidden(p_WC), OUTSIDE_PX, np.sort(margins_px(self._camera, points), axis=1)[:, -self._best])
+        # A nosing is hidden by the steps in front, in the profile of the flight.
+        x, z = self._places_W[:, 0] - p_WC[0], self._places_W[:, 2] - p_WC[2]
+        part = x[None, :] / np.where(np.abs(x) > 1e-9, x, 1e-9)[:, None]
+        is_hidden = ((part > 0.0) & (part < 0.999) & (part * z[:, None] < z[None, :])).any(axis=1)
+        margins = np.where(is_hidden, OUTSIDE_PX, np.sort(margins_px(self._camera, points), axis=1)[:, -self._best])
         row = self._row(margins > -BEYOND_PX, up=up)
         if len(row) < self._least:
             return None
@@ -173,12 +177,6 @@ class Geometry:
             kind: Literal["wall", "open"] = "wall" if walls in (name, "both") else "open"
             sides.append(VisibleSide(seen_m=seen_m, end_m=end_m, kind=kind, share=share))
         return sides[0], sides[1]
-
-    def _hidden(self, p_WC: Vector3) -> Bool[np.ndarray, " n"]:
-        """Return the mask of nosings hidden by the steps in front, in the profile of the flight."""
-        x, z = self._places_W[:, 0] - p_WC[0], self._places_W[:, 2] - p_WC[2]
-        part = x[None, :] / np.where(np.abs(x) > 1e-9, x, 1e-9)[:, None]
-        return np.asarray(((part > 0.0) & (part < 0.999) & (part * z[:, None] < z[None, :])).any(axis=1))
 
     def _row(self, near: Bool[np.ndarray, " n"], *, up: bool) -> Int[np.ndarray, " k"]:
         """Return consecutive nosings without a gap, nearest first, of the nearest flight with enough visible nosings."""

@@ -90,8 +90,8 @@ def organised(
     depth = np.full(width * height, np.nan, dtype=np.float32)
     depth[seen.number] = seen.depth
     rgb = black(height, width) if colours is None else colours.reshape(height, width, 3)
-    used = fitted if camera is None else replace(camera, **{name: getattr(fitted, name) for name in INTRINSICS})
-    return Projection(used, depth.reshape(height, width), rgb, None)
+    calibrated = fitted if camera is None else replace(camera, **{name: getattr(fitted, name) for name in INTRINSICS})
+    return Projection(calibrated, depth.reshape(height, width), rgb, None)
 
 
 def _line(ratio: Float64[np.ndarray, " n"], pixel: Int64[np.ndarray, " n"]) -> tuple[float, float, float]:

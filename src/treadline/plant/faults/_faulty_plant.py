@@ -172,24 +172,20 @@ class CommandChannel:
         """Enqueue a command; it replaces queued commands with a later arrival."""
         if is_killed(self._faults, Process.MISSION, t_s):
             return
+        if not is_killed(self._faults, Process.SEAT, t_s):  # the seat actuator's own process may be stopped
+            self._seat, self._seat_s = command.seat, t_s
+        elif t_s - self._seat_s > SILENCE_S + ROUNDING_S:
+            self._seat = SeatCommand(t_s=t_s, rate_m_s=0.0)
         late_s = max((fault.size for fault in self._faults if fault.kind == "late_tick" and fault.active(t_s)), default=0.0)
         due_s = t_s + late_s
         self._under_way = [(due, earlier) for due, earlier in self._under_way if due < due_s]
-        self._under_way.append((due_s, command._replace(seat=self._seat_order(t_s, command.seat))))
+        self._under_way.append((due_s, command._replace(seat=self._seat)))
 
     def arrived(self, t_s: float) -> Command | None:
         """Return the newest command that arrived since the last call, or None."""
         arrived = [command for due_s, command in self._under_way if due_s <= t_s + ROUNDING_S]
         self._under_way = self._under_way[len(arrived) :]
         return arrived[-1] if arrived else None
-
-    def _seat_order(self, t_s: float, command: SeatCommand) -> SeatCommand:
-        """Return the command for the seat actuator, whose own process may be stopped."""
-        if not is_killed(self._faults, Process.SEAT, t_s):
-            self._seat, self._seat_s = command, t_s
-        elif t_s - self._seat_s > SILENCE_S + ROUNDING_S:
-            self._seat = SeatCommand(t_s=t_s, rate_m_s=0.0)
-        return self._seat
 
 
 class Watchdog:

@@ -38,7 +38,6 @@ class ContactLayout:
     friction: int
     surfacevel: int
     geom: int
-    dim: int
     efc_address: int
 
 
@@ -60,11 +59,7 @@ def load_library() -> None:
     """Register MuJoCo's C functions by name for compiled code."""
     binding.load_library_permanently(_library())
     # Without a handler MuJoCo writes warnings to a file in the working folder; the plant counts them and raises an error.
-    mujoco.set_mju_user_warning(_no_file)
-
-
-def _no_file(message: str) -> None:
-    del message
+    mujoco.set_mju_user_warning(lambda _: None)
 
 
 @cache
@@ -86,7 +81,7 @@ def contact_layout() -> ContactLayout:
         mujoco.mj_forward(model, data)
         possible &= np.frombuffer(ctypes.string_at(start, span), dtype=np.int32) == data.ncon
     count_offset = start + 4 * _only(possible, "the number of contacts") - data._address  # noqa: SLF001 - the only way to the struct
-    fields = ("dist", "frame", "friction", "surfacevel", "geom", "dim", "efc_address")
+    fields = ("dist", "frame", "friction", "surfacevel", "geom", "efc_address")
     base, *starts = (int(getattr(data.contact, name).__array_interface__["data"][0]) for name in fields)
     offsets = {name: begins - base for name, begins in zip(fields[1:], starts, strict=True)}
     return ContactLayout(count_offset=count_offset, stride=int(data.contact.dist.strides[0]), **offsets)
