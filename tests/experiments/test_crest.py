@@ -38,14 +38,12 @@ def last_stage(crossing: Crossing) -> str:
 @pytest.mark.parametrize(
     "case",
     [
-        pytest.param(CrestCase(slope_deg=25.0), id="up 25"),
         pytest.param(CrestCase(slope_deg=30.0), id="up 30"),
         pytest.param(CrestCase(slope_deg=30.0, payload_kg=0.0, friction=GRIPS), id="up, empty, on ground that grips"),
         pytest.param(
             CrestCase(slope_deg=30.0, payload_kg=80.0, com_error_m=0.05, friction=GRIPS, seed=2),
             id="up, loaded behind, on ground that grips",
         ),
-        pytest.param(down(slope_deg=20.0), id="down 20"),
         pytest.param(down(slope_deg=30.0), id="down 30"),
         pytest.param(down(slope_deg=26.0, payload_kg=110.0), id="down 26, heavy"),
     ],
@@ -59,15 +57,12 @@ def test_the_flipper_lets_the_chair_over_gently(ride: Ride, case: CrestCase) -> 
 @pytest.mark.parametrize(
     "case",
     [
-        pytest.param(CrestCase(slope_deg=28.0, nosing_error_m=-0.15, com_error_m=-0.10, seed=1), id="early"),
         pytest.param(CrestCase(slope_deg=30.0, payload_kg=0.0, nosing_error_m=-0.15, seed=1), id="early, empty"),
         pytest.param(CrestCase(slope_deg=30.0, heading_deg=10.0, seed=1), id="at an angle, slipping on to a third try"),
-        pytest.param(CrestCase(slope_deg=30.0, com_error_m=0.10, seed=2), id="weight behind"),
         pytest.param(
             CrestCase(slope_deg=26.0, payload_kg=110.0, nosing_error_m=0.10, com_error_m=0.10, heading_deg=-10.0, seed=7),
             id="heavy, late and at an angle",
         ),
-        pytest.param(CrestCase(gravity_error_deg=2.0), id="gravity off by 2 degrees"),
         pytest.param(down(gravity_error_deg=2.0), id="down, gravity off by 2 degrees"),
         pytest.param(
             CrestCase(payload_kg=110.0, motor_lost_at_deg=14.0), id="motor dead half way over the crest, let down by its brake"
@@ -139,9 +134,8 @@ def test_belts_that_do_not_wait_are_borne_by_the_whole_flipper(ride: Ride) -> No
     assert ride(down(margin_deg=-60.0)).pitch_rate_deg_s <= NOMINAL_DEG_S
 
 
-@pytest.mark.parametrize("com_error_m", [-0.1, 0.0])
-def test_a_flipper_too_short_in_range_stops_before_the_crest(ride: Ride, com_error_m: float) -> None:
-    crossing = ride(CrestCase(range_deg=(-45.0, 60.0), com_error_m=com_error_m, duration_s=8.0))
+def test_a_flipper_too_short_in_range_stops_before_the_crest(ride: Ride) -> None:
+    crossing = ride(CrestCase(range_deg=(-45.0, 60.0), com_error_m=-0.1, duration_s=8.0))
     assert not crossing.is_across
     assert last_stage(crossing) == "barred"
     assert "a flipper that turns to -45° is too short" in crossing.ticks[-1].command.cause

@@ -1,8 +1,9 @@
 """Rendered frames with a wrong mount or wrong IMU axes through the camera block, as in the loop and in the camera node."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -65,19 +66,29 @@ class Outcome:
     maps: int = 0
 
 
-def driven(take: Take, seconds: float, imu: np.ndarray | None = None, **recipe: object) -> Outcome:
-    """Drive by rendered frames, with the IMU turned by ``imu`` against the chair."""
+@cache
+def frames(**recipe: object) -> list[tuple[np.ndarray, float, RgbdFrame]]:
+    """Return attitude, heading and frame at each half second of a drive up a flight."""
     road = RecordedDrive(
         np.random.default_rng(11),
         ViewRecipe(**{"scenes": ("up",), "steps": (48, 50), "place_m": (0.3, 0.5), "gravity_error_deg": 0.0, **recipe}),
     )
-    outcome = Outcome()
-    for t_s, heading_rad in _wave(seconds):
+    taken = []
+    for t_s in np.arange(0.0, 16.0, FRAME_S).tolist():
+        heading_rad = 8.0 * DEG * math.sin(t_s / 4.0)
         pose = road.pose(0.2 * t_s, heading_rad)
-        turned = pose.R_WB if imu is None else pose.R_WB @ imu
+        taken.append((pose.R_WB, heading_rad, road.view(t_s, pose).frame))
+    return taken
+
+
+def driven(take: Take, seconds: float, imu: np.ndarray | None = None, **recipe: object) -> Outcome:
+    """Drive by rendered frames, with the IMU turned by ``imu`` against the chair."""
+    outcome = Outcome()
+    for R_WB, heading_rad, frame in frames(**recipe)[: round(seconds / FRAME_S)]:
+        t_s = frame.t_s
         take(belts(t_s))
-        take(imu_at(t_s, turned))
-        for seen in take(road.view(t_s, pose).frame):
+        take(imu_at(t_s, R_WB if imu is None else R_WB @ imu))
+        for seen in take(frame):
             if isinstance(seen, HeadingMeasurement):
                 outcome.errors.append((t_s, seen.heading_rad - heading_rad, seen.sigma_rad))
                 outcome.corrections += [seen.correction_rad] if seen.correction_rad else []
@@ -85,11 +96,6 @@ def driven(take: Take, seconds: float, imu: np.ndarray | None = None, **recipe: 
                 outcome.events.append(seen)
             outcome.maps += isinstance(seen, StairMap)
     return outcome
-
-
-def _wave(seconds: float) -> Iterator[tuple[float, float]]:
-    for k in range(round(seconds / FRAME_S)):
-        yield k * FRAME_S, 8.0 * DEG * math.sin(k * FRAME_S / 4.0)
 
 
 @pytest.mark.parametrize(("wired", "roll_deg"), [(by_the_block, 3.0), (by_the_node, -5.0)])

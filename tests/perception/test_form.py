@@ -11,7 +11,7 @@ from surfaces import CAMERA, ends_at, surface
 
 from treadline.core.angles import DEG
 from treadline.core.rotations import rotation_x, rotation_z
-from treadline.perception import StairDetector
+from treadline.perception import DetectorConfig, StairDetector
 from treadline.perception._form import lateral_ends_of, sides_of
 from treadline.perception._plane_segmentation import surface_blocks
 from treadline.perception._step_parts import Axes
@@ -48,8 +48,13 @@ def test_a_flight_narrower_than_the_chair_is_rejected_with_its_width() -> None:
     """Test: flights 45 cm wide, for a chair of 80 cm, a robot of 36 cm and without a chair. Expected result: where both sides are
     seen the chair's frames are rejected with the width, those of the robot and without a chair are not."""
     recipe = ViewRecipe(width_m=(0.45, 0.45), walls=("none",))
-    chair, robot, alone = (
-        [sight for _, _, sight in sights(recipe, range(47_000, 47_020), swept_half_m=half_m)] for half_m in (0.40, 0.18, None)
+    robot, views = [], []
+    for view, _, sight in sights(recipe, range(47_000, 47_020), swept_half_m=0.18):
+        robot.append(sight)
+        views.append(view)
+    chair, alone = (
+        [StairDetector(DetectorConfig(swept_half_m=half_m)).look(view.frame, view.gravity_C) for view in views]
+        for half_m in (0.40, None)
     )
     assert [sight.reason for sight in alone] == [sight.reason for sight in robot]
     narrow = [sight for sight in chair if sight.reason is not None and "m wide" in sight.reason]

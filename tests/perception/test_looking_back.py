@@ -41,7 +41,7 @@ def both_ways(view: View) -> tuple[StairDetection, StairDetection]:
 def test_a_chair_the_other_way_round_gets_the_same_stair(scene: str) -> None:
     recipe = ViewRecipe(scenes=(scene,), walls=("left", "right", "both"), clutter=("legs",), clutter_chance=0.5)
     obstacles = walls = 0
-    for seed in range(42_000, 42_020):
+    for seed in range(42_000, 42_012):
         front, back = both_ways(draw_view(np.random.default_rng(seed), recipe))
         assert front.accepted == back.accepted
         if front.stair_map is None or back.stair_map is None or front.heading_rad is None:

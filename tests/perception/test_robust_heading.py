@@ -43,13 +43,13 @@ def tilted(down: Float[np.ndarray, " 3"], angle_rad: float, seed: int) -> Float[
 @pytest.mark.parametrize("open_risers", [False, True])
 def test_without_gravity_the_heading_error_stays_below_a_tenth_of_a_degree(view, open_risers: bool) -> None:
     errors = []
-    for seed in range(4100, 4164):
+    for seed in range(4100, 4140):
         frame, _ = view(seed, heading_of(seed), stair_of(seed, open_risers=open_risers))
         sight = ROBUST.look(frame, None)
         if sight.heading_rad is not None:
             errors.append(sight.heading_rad - heading_of(seed))
     # 95 % of the frames, all of which show more than 15 % stair; measured are 0.02 to 0.04°, the design asks for 0.2°.
-    assert len(errors) >= 0.95 * 64
+    assert len(errors) >= 0.95 * 40
     assert rms(np.array(errors)) < 0.1 * DEG
     assert max(abs(error) for error in errors) < 0.5 * DEG
 
@@ -118,7 +118,7 @@ def test_a_missing_step_does_not_bend_the_heading(view) -> None:
 
 
 def test_steep_headings_are_refused_or_right(view) -> None:
-    for seed in range(4260, 4290):
+    for seed in range(4260, 4280):
         heading = (1.0 if seed % 2 else -1.0) * float(np.random.default_rng(seed).uniform(36.0, 80.0)) * DEG
         sight: StairDetection = ROBUST.look(*view(seed, heading, stair_of(seed)))
         if sight.heading_rad is None:

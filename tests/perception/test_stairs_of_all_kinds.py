@@ -43,7 +43,6 @@ KINDS = {
     "wet": ViewRecipe(scenes=("up",), clutter=("wet",)),
     "kinect2": ViewRecipe(scenes=("up",), sensor="kinect2"),
     "d435": ViewRecipe(scenes=("up",), sensor="d435", sigma_px=0.12, height_px=480),
-    "large": ViewRecipe(scenes=("up",), height_px=480),
     "top": ViewRecipe(scenes=("top",)),
     "down": ViewRecipe(scenes=("down",)),
     "down, open": ViewRecipe(scenes=("down",), open_risers=True),
@@ -81,7 +80,6 @@ INTERVALS = {
     "perfect, up": (KINDS["up"], range(32_100, 32_180), 0.0, 0.1),
     "perfect, top": (KINDS["top"], range(32_100, 32_180), 0.0, 0.1),
     "perfect, edge": (KINDS["edge"], range(32_100, 32_180), 0.0, 0.1),
-    "warp": (warped(0.05, 0.0), range(32_200, 32_260), 0.3, 0.35),
     "warp, irregular": (warped(0.05, 0.3), range(32_200, 32_260), 0.3, 0.35),
     "twice the warp": (warped(0.1, 0.0), range(32_200, 32_260), 0.3, 0.35),
 }
@@ -141,20 +139,20 @@ def test_a_bench_before_a_planter_has_no_step_below() -> None:
     assert DETECTOR.look(view.frame, view.gravity_C).heading_rad is None
 
 
-@pytest.mark.parametrize("knows_down", [True, False])
 @pytest.mark.parametrize("scene", ROOM_SCENES)
-def test_a_scene_without_a_stair_yields_no_heading(scene: str, knows_down: bool) -> None:
-    for seed in range(33_000, 33_008):
+def test_a_scene_without_a_stair_yields_no_heading(scene: str) -> None:
+    for seed in range(33_000, 33_006):
         view = draw_view(np.random.default_rng(seed), ViewRecipe(scenes=(scene,)))
-        sight = DETECTOR.look(view.frame, view.gravity_C if knows_down else None)
-        assert not sight.accepted, f"{scene}, seed {seed}"
-        assert sight.reason
+        for gravity_C in (view.gravity_C, None):
+            sight = DETECTOR.look(view.frame, gravity_C)
+            assert not sight.accepted, f"{scene}, seed {seed}"
+            assert sight.reason
 
 
 @pytest.mark.parametrize("pitch_deg", [0.0, 15.0, 65.0])
 @pytest.mark.parametrize("scene", ["shelf", "steep", "ladder", "boxes", "wall"])
 def test_furniture_seen_from_any_angle_yields_no_heading(scene: str, pitch_deg: float) -> None:
-    for seed in range(34_000, 34_006):
+    for seed in range(34_000, 34_003):
         view = draw_view(np.random.default_rng(seed), ViewRecipe(scenes=(scene,), pitch_deg=(pitch_deg, pitch_deg)))
         assert not DETECTOR.look(view.frame, None).accepted, f"seed {seed}"
 

@@ -31,7 +31,7 @@ def looks(recipe: ViewRecipe, seeds: range, factors: tuple[float, ...]) -> list[
 def test_no_size_is_taken_for_another(scene: str) -> None:
     """Test: stairs scaled by 0.5 to 3. Expected result: no answer with a rise or run off by more than a tenth, steps higher than
     0.25 m refused, and those between 0.12 and 0.22 m found."""
-    seen = looks(ViewRecipe(scenes=(scene,)), range(410_000, 410_008), (0.5, 0.6, 1.0, 1.3, 1.7, 2.0, 2.5, 3.0))
+    seen = looks(ViewRecipe(scenes=(scene,)), range(410_000, 410_005), (0.5, 0.6, 1.0, 1.3, 1.7, 2.0, 2.5, 3.0))
     for sight, rise_m, run_m in seen:
         if sight.accepted and sight.shape is not None:
             assert sight.shape.rise_m == pytest.approx(rise_m, rel=0.1)

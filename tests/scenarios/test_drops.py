@@ -40,7 +40,6 @@ def driven(scenario: Scenario, **options: Any) -> Traverse:
 @pytest.mark.parametrize(
     ("camera", "direction", "turn", "cause"),
     [
-        ("statistical", "up", "left", "the ground ends"),
         ("statistical", "up", "right", "the ground ends"),
         ("statistical", "down", "left", "the ground ends"),
         ("kinect1", "down", "left", "no ground is seen beyond"),  # there is nothing below this landing that a camera could see

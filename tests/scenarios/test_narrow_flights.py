@@ -88,7 +88,7 @@ def test_a_flight_narrower_than_the_chair_is_not_mounted_whichever_side_is_in_vi
 
 @pytest.mark.parametrize(
     ("width_m", "walls", "clutter"),
-    [(1.1, ("both",), ()), (1.2, ("none",), ()), (2.4, ("none",), ()), (1.3, ("left",), ("rail_right",))],
+    [(1.1, ("both",), ()), (1.2, ("none",), ()), (1.3, ("left",), ("rail_right",))],
 )
 def test_a_flight_of_usual_width_is_mounted_without_a_hold(
     width_m: float, walls: tuple[str, ...], clutter: tuple[str, ...]

@@ -98,7 +98,7 @@ def test_check_reports_no_seat_range_and_refuses_a_seat_shift(robot: Callable[..
 
 def test_a_whole_climb_arrives_without_seat_commands(robot: Callable[..., Path], tmp_path: Path) -> None:
     folder = tmp_path / "run"
-    run = recorded_run(folder, resolve(scenario_of(robot()), seed=4))
+    run = recorded_run(folder, resolve(scenario_of(robot(), stair={"steps": 6}), seed=4))
     assert run.verdict == "arrived", run.cause
     assert run.scores.seat_rms_deg is None
     assert run.scores.seat_max_deg is None

@@ -47,7 +47,6 @@ def moment_s(run: Traverse, phase: str, later_s: float | None) -> float:
     ("place", "phase", "later_s"),
     [
         pytest.param("floor", "align", 0.3, id="turning square"),
-        pytest.param("floor", "approach", 0.1, id="approaching"),
         pytest.param("floor", "traction", 0.7, id="testing the traction"),
         pytest.param("flight", "crest", 0.5, id="reaching for the landing"),
         pytest.param("flight", "crest", None, id="led down over the crest"),

@@ -9,8 +9,7 @@ from treadline.scenario.shipped_files import shipped_controller
 
 @pytest.mark.parametrize("name", ["up-28", "down-28"])
 def test_a_shipped_traversal_logs_no_contact_but_that_of_its_belts(name: str) -> None:
-    asked = read_scenario(name)
-    asked = asked.model_copy(update={"sensors": asked.sensors.model_copy(update={"camera": "statistical"})})
+    asked = read_scenario(name, {"sensors.camera": "statistical", "stair.steps": 6})
     result = traverse(asked, controller=shipped_controller("wheelchair"), seed=0)
     assert result.verdict == "arrived", result.cause
     assert result.trace["hull_contacts"].max() == 0.0

@@ -364,14 +364,6 @@ def test_a_dead_seat_process_leaves_the_actuator_running_until_its_watchdog() ->
     assert strokes[1.49] - strokes[1.3] == pytest.approx(0.0, abs=1e-4)
 
 
-def test_a_dead_controller_is_for_the_one_who_builds_the_mission_to_ask_after() -> None:
-    faults = [fault("process_killed", Process.CONTROLLER)]
-    assert [is_killed(faults, process, AT_S) for process in Process] == [False, False, True, False]
-    assert not is_killed(faults, Process.CONTROLLER, AT_S + FOR_S)
-    ours, expected = run(scenario(*faults)), sound()
-    assert ours[1] == expected[1]
-    assert [printed(reading) for _, reading in ours[0]] == [printed(reading) for _, reading in expected[0]]
-
 
 def test_silence_brakes_a_chair_with_faults_alone() -> None:
     _, plant = opened(scenario(fault("camera_lost", at_s=9.0)))
@@ -449,7 +441,7 @@ def test_on_oil_a_braked_chair_slides_as_friction_allows() -> None:
 
 def test_friction_above_the_slopes_tangent_still_holds() -> None:
     # 0.9 · 0.62 = 0.558, and tan 28° = 0.532.
-    _, truth = run(scenario(fault("low_friction", 0.9, for_s=3.0)), 3.0, orders=standing)
+    _, truth = run(scenario(fault("low_friction", 0.9, for_s=3.0)), 1.5, orders=standing)
     assert abs(truth[-1].x_m - truth[0].x_m) < 2e-3
     assert truth[-1].friction_use == pytest.approx(math.tan(SLOPE_DEG * DEG) / 0.558, rel=1e-6)
 

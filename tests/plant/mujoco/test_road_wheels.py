@@ -28,7 +28,7 @@ def rate_deg_s(run: PlantRun) -> float:
     return float(np.abs(run.settled[:, kernels.QVEL + 3 : kernels.QVEL + 5]).max()) / DEG
 
 
-@pytest.mark.parametrize("road_wheels", [2, 5, 6, 12])
+@pytest.mark.parametrize("road_wheels", [2, 5, 12])
 @pytest.mark.parametrize("friction", [TABLE_I, (0.5, 0.5), (1.0, 0.7)])
 def test_the_plant_turns_on_the_floor_as_the_statics_say(friction: tuple[float, float], road_wheels: int) -> None:
     chair = on_wheels(road_wheels)
@@ -58,7 +58,7 @@ def test_backing_to_the_landings_edge_is_smooth() -> None:
 
 
 @pytest.mark.parametrize("road_wheels", [2, 6])
-@pytest.mark.parametrize("lug", ["8/60", "15/80", "20/80"])
+@pytest.mark.parametrize("lug", ["8/60", "20/80"])
 def test_a_lugged_chair_drives_and_turns_on_the_floor_at_belt_speed(lug: str, road_wheels: int) -> None:
     """Two wheels a side spin as the pulleys do."""
     straight, turned, smooth = (
