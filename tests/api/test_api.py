@@ -273,18 +273,6 @@ def test_what_is_printed_in_a_notebook_is_escaped() -> None:
     assert "&lt;script&gt;" in model._repr_html_()
 
 
-def test_what_holds_arrays_prints_on_one_short_line() -> None:
-    u, y = integrator(40_000)
-    view = draw_view(np.random.default_rng(1), ViewRecipe(scenes=("up",)))
-    named = NamedFrame(name="a", frame=view.frame, mount_known=True, gravity_C=view.gravity_C)
-    for item in (InputOutputRecord(u=u, y=y, dt_s=0.25), view.frame, named):
-        assert "\n" not in repr(item)
-        assert len(repr(item)) < 500
-    run = tl.climb("default", set={"drive.duration_s": 0.5, "sensors.camera": "statistical"})
-    assert "\n" not in repr(run.episode)
-    assert all(len(line) < 80 for line in repr(run.series).splitlines())
-
-
 def test_a_set_value_holds_in_check_and_climb_and_stands_in_the_manifest(tmp_path: Path) -> None:
     path = tmp_path / "steep.toml"
     path.write_text("[stair]\nslope_deg = 44\n")
@@ -340,12 +328,3 @@ def test_arrays_take_names_for_their_channels() -> None:
         tl.identify(u, y, 0.25, inputs=["a", "b"])
     with pytest.raises(RecordError, match="inputs names 1 channels, the data have 2"):
         tl.identify(u, y, 0.25, inputs=["a"], outputs=["c", "d"])
-
-
-def test_an_order_above_the_rank_is_refused_by_the_rank_of_the_method() -> None:
-    u = np.random.default_rng(0).normal(size=(200, 1))
-    y = 0.1 * np.vstack([[0.0], np.cumsum(u, axis=0)[:-1]])  # one state
-    with pytest.raises(RecordError, match=r"order 9 is above the rank \d that 10 lags show; ask for \d or less"):
-        tl.identify(u, y, 0.25, order=9, method="pbsid", lags=10)
-    with pytest.raises(SettingsError, match="lags is 4; order 9 of 1 outputs needs 9 or more"):
-        tl.identify(u, y, 0.25, order=9, method="pbsid", lags=4)

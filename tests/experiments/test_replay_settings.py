@@ -51,14 +51,6 @@ def test_the_blocks_own_settings_are_keys_in_degrees() -> None:
             assert any(key.startswith(f"{block}.{name.replace('_rad', '_deg')}") for key in table), name
 
 
-def test_a_key_means_what_the_field_it_sets_says() -> None:
-    table = key_table(BASE)
-    assert table["filter.gate"] == ("9.0", "Gate on χ² of one measurement: three sigma.")
-    assert table["camera.depth_unit_m"][1] == "Depth per count of a 16-bit depth image [m]."
-    assert "Algorithm 1" in table["vision"][1]  # as a scenario's
-    assert table["filter.stuck.for_s"][1] == ""
-
-
 def test_the_estimator_follows_vision_unless_it_is_named() -> None:
     for items, kind in (
         ((), HeadingFilter),
@@ -77,14 +69,6 @@ def test_the_camera_takes_what_is_set_and_keeps_the_rest() -> None:
     assert settings.calibrate(None, (320, 240)) is None  # three of the four intrinsics are unknown
     whole = resolved(BASE, [f"camera.{name}=200" for name in ("fx_px", "fy_px", "cx_px", "cy_px")]).calibrate(None, (320, 240))
     assert (whole.width_px, whole.fx_px) == (320, 200.0)
-
-
-def test_control_and_guard_take_what_is_set() -> None:
-    settings = resolved(BASE, ("control.speed_m_s=0.1", "control.allocation=paper", "loop=open", "guard.cruise_limit_m_s=0.2"))
-    assert settings.mission.climb_speed_m_s == 0.1
-    assert settings.mission.allocation == "paper"
-    assert settings.mission.loop == "open"
-    assert settings.changed(guard_config(BASE, 0.25), "guard").cruise_limit_m_s == 0.2
 
 
 def test_a_controller_is_loaded_from_its_file(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from systems import fit, oscillation, system
 
 from treadline.core.linear_systems import fit_percent, impulse_response, simulate
 from treadline.core.models import InputOutputRecord, LinearModel
-from treadline.identification._dead_time import dead_time, without_delays
+from treadline.identification._dead_time import dead_time
 
 SAMPLES = 600
 INPUTS = ["white", "prbs", "lowpass"]
@@ -123,12 +123,3 @@ def test_dead_time_is_a_property_of_the_model_and_costs_no_states() -> None:
     np.testing.assert_allclose(impulse_response(found.model, 50), expected, atol=0.05)
     assert fit(record, order=2, delays=0).model.input_delay == (0,)
     assert fit(record, order=2, delays=[29]).model.input_delay == (29,)
-
-
-def test_removing_dead_time_delays_each_input_by_its_shift() -> None:
-    t = np.arange(10.0)
-    record = InputOutputRecord(u=np.column_stack([t, 100.0 + t]), y=t[:, None].copy(), dt_s=1.0)
-    moved = without_delays([record], [3, 1])[0]
-    np.testing.assert_array_equal(moved.y[:, 0], t[3:])
-    np.testing.assert_array_equal(moved.u[:, 0], t[:7])
-    np.testing.assert_array_equal(moved.u[:, 1], 100.0 + t[2:9])

@@ -1,6 +1,5 @@
 """The Gram matrix of windows equals the dense computation for any division of the data, and can be saved."""
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -90,14 +89,6 @@ def test_the_triangular_root_has_the_sums_as_its_square(case: Case, lags: int) -
     assert (found.count, found.dropped) == (plain.count, plain.dropped)
 
 
-def test_data_longer_than_a_pass_are_summed_as_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    record = random_record(0, 1000)
-    units = some_units(record)
-    expected = gram(record, 5, units)
-    monkeypatch.setattr(sys.modules["treadline.identification._gram"], "CHUNK", 64)
-    np.testing.assert_allclose(gram(record, 5, units).sums, expected.sums, atol=ROUNDING)
-
-
 def test_sums_of_fewer_lags_are_the_leading_block() -> None:
     record = random_record(4)
     units = some_units(record)
@@ -109,15 +100,6 @@ def test_sums_of_fewer_lags_are_the_leading_block() -> None:
     later = InputOutputRecord(u=record.u[5:], y=record.y[5:], dt_s=0.1)
     np.testing.assert_allclose(fewer.sums, gram(later, 3, units).sums, atol=ROUNDING)
     np.testing.assert_allclose(fewer.root.T @ fewer.root, fewer.sums, atol=ROUNDING)
-
-
-def test_forgetting_scales_the_gram_matrix_and_its_root() -> None:
-    data = gram(random_record(6), 4, some_units(random_record(6)), solver="qr")
-    half = data.forgotten(0.5)
-    assert half.root is not None
-    np.testing.assert_allclose(half.sums, 0.5 * data.sums)
-    np.testing.assert_allclose(half.root.T @ half.root, half.sums, atol=ROUNDING)
-    assert half.count == 0.5 * data.count
 
 
 def test_sums_of_other_lags_units_or_periods_do_not_add_up() -> None:

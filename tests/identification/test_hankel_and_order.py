@@ -9,7 +9,7 @@ from treadline.core.errors import PoorExcitation
 from treadline.core.linear_systems import impulse_response
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification import era
-from treadline.identification._era import HankelSvd, hankel, hankel_times
+from treadline.identification._era import HankelSvd, hankel
 from treadline.identification._model_order import choose_order
 
 
@@ -61,15 +61,6 @@ def test_very_small_singular_values_are_computed_from_the_matrix_itself() -> Non
     np.testing.assert_allclose(s, np.linalg.svd(svd.matrix, compute_uv=False)[:2], rtol=1e-6)
     A, _, _, _ = era(response, 2, rows=10)
     np.testing.assert_allclose(np.sort(np.linalg.eigvals(A).real), [-0.3, 0.9], atol=1e-5)
-
-
-@pytest.mark.parametrize(("rows", "columns"), [(7, 12), (12, 7), (1, 5)])
-def test_a_product_with_the_matrix_needs_no_matrix(rows: int, columns: int) -> None:
-    rng = np.random.default_rng(rows)
-    response, right = rng.standard_normal((rows + columns, 3, 2)), rng.standard_normal((2 * columns, 4))
-    expected = hankel(response, rows, columns, 0) @ right
-    # Eight digits above the rounding of some tens of terms.
-    np.testing.assert_allclose(hankel_times(response, rows, right), expected, atol=1e-12)
 
 
 def test_the_matrix_free_decomposition_equals_the_dense_one() -> None:

@@ -5,20 +5,6 @@ import pytest
 from systems import fit
 
 from treadline.core.models import InputOutputRecord
-from treadline.identification._affine import Affine
-from treadline.identification._modes import Experiment
-from treadline.identification._recursion_kernels import tangents
-from treadline.identification._refine import directions, jacobian
-
-
-def test_matrices_cut_from_a_larger_one_compile_no_second_kernel() -> None:
-    rng = np.random.default_rng(0)
-    AB, CD = rng.normal(size=(2, 5)), rng.normal(size=(2, 5))
-    system = Affine(A=0.3 * AB[:, :2], B=AB[:, 2:], C=CD[:, :2], D=CD[:, 2:])
-    u, y = rng.normal(size=(3, 40)).T, rng.normal(size=(2, 40)).T
-    data = Experiment(u=u, y=y, there=np.ones(40, dtype=bool))
-    jacobian(system, data, directions(system, np.zeros((2, 3), dtype=bool)))
-    assert {array.layout for signature in tangents.signatures for array in signature} == {"C"}
 
 
 @pytest.mark.parametrize("kind", ["column-major", "read-only", "single precision", "cut"])

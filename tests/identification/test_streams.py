@@ -113,15 +113,6 @@ def test_a_stream_with_too_many_gaps_is_rejected(draw: Draw, share: float) -> No
         fit_chunks(in_chunks(spoilt, 100))
 
 
-def test_figures_are_on_the_last_samples_of_several_experiments(draw: Draw, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(stream, "RECENT", 250)
-    records = [draw(0), draw(1)]
-    found = fit_chunks(in_chunks(records[0], 90), in_chunks(part(records[1], 0, 100), 90))
-    assert [len(record) for record in found.judged] == [150, 100]
-    np.testing.assert_array_equal(found.judged[0].y, records[0].y[-150:])
-    np.testing.assert_array_equal(found.judged[1].u, records[1].u[:100])
-
-
 def test_a_chunk_of_gaps_is_accepted_in_a_mostly_complete_stream(draw: Draw, eq_12: LinearModel) -> None:
     """Test: a logger pauses for two chunks of twenty, then for six. Expected result: a model; an error with the share."""
     record = draw(0)

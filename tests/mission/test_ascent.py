@@ -315,16 +315,6 @@ def test_a_missing_step_stops_the_chair_for_good_before_it() -> None:
     assert world.run("crest").hold is None
 
 
-def test_a_missing_step_that_is_seen_late_stops_the_chair_under_its_front_too() -> None:
-    world = Foot()
-    world.run("climb")
-    where = world.planner._where
-    where.gaps_ahead_m = lambda: [(PIVOT_M - 0.07, PIVOT_M + 0.6)]  # type: ignore[method-assign]
-    assert world.tick().hold == "a step is missing: 0.67 m from nosing to nosing, the first 0.07 m behind the front pulley"
-    where.gaps_ahead_m = lambda: [(-1.0, -0.4)]  # type: ignore[method-assign]
-    assert world.tick().hold is None
-
-
 # --- climb: walls and drops
 
 
@@ -348,13 +338,6 @@ def test_it_steers_off_a_side_that_is_near_and_to_the_middle_between_two(
     assert np.sign(heading) == sign
     assert abs(heading) <= 2.0 * DEG
     assert world.plans[-1].turn_m_s is None  # the heading's controller steers, however the aim has changed
-
-
-def test_near_straight_the_plan_keeps_the_inner_belt_at_half_the_climb_speed() -> None:
-    world = Foot(steps=30)
-    world.run("climb")
-    world.run(limit_s=1.0)
-    assert world.plans[-1].min_inner_speed_ratio == pytest.approx(0.5)
 
 
 # --- climb to crest, land, arrived

@@ -327,21 +327,6 @@ def test_a_step_that_seems_missing_far_below_the_edge_lets_it_come_nearer_before
     assert world.x_m - PIVOT_M * math.cos(SLOPE_RAD) - (EDGE_M - 5 * RUN_M) == pytest.approx(0.5 * math.cos(SLOPE_RAD), abs=0.03)
 
 
-def test_a_step_that_is_seen_to_be_missing_under_the_rear_stops_the_chair_too() -> None:
-    """Test: a chair on a flight, its rear over a gap that has been out of view. Expected result: HOLD at once."""
-    world = Landing(x_m=0.5 * EDGE_M)
-    world.run("descend")
-    world.run(limit_s=2.5)
-    where = world.planner._where
-    assert world.planner._missing(0.5) is None
-    behind = [n for n, ahead in zip(where._known, where.ahead_m(), strict=True) if ahead < -PIVOT_M]
-    where._nosings[-1].count = 10  # it was in view all the way from above
-    where._drop(behind[-1])
-    where._fit_shape()
-    missing = world.planner._missing(0.5)
-    assert "behind the rear pulley" in missing
-
-
 @pytest.mark.parametrize("heading_deg", [-10.0, 10.0])
 def test_a_chair_that_turns_against_its_belts_is_held_and_turns_by_climbing_after_a_re_arm(heading_deg: float) -> None:
     world = Landing(x_m=0.5 * EDGE_M)

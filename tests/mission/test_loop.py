@@ -6,29 +6,25 @@ from typing import Any
 
 import numpy as np
 import pytest
-from world import imu, limits, stair
+from world import imu, limits
 
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.ports import Reading
 from treadline.core.signals import (
-    Event,
     FlipperCommand,
-    FlipperReading,
     HeadingEstimate,
     HeadingMeasurement,
     ImuSample,
     MotionPlan,
-    OperatorInput,
     SeatCommand,
     SeatReading,
     TrackCommand,
-    TrackReading,
 )
 from treadline.guard import Guard
 from treadline.mission._blocks import Rate
 from treadline.mission.belt_controllers import ConstantSpeed, Driver
 from treadline.mission.loop import Blocks, Mission, Signal
-from treadline.mission.planner import Cruise, Planner, PlannerInput
+from treadline.mission.planner import Cruise, Planner
 
 
 class RecordedPlant:
@@ -87,21 +83,6 @@ class Square:
 
     def __init__(self, t_s: float) -> None:
         self.measurement = HeadingMeasurement(t_s=t_s, heading_rad=0.0, sigma_rad=0.004, edge_count=6)
-
-
-class Scripted:
-    """A planner that plays a script: from each time on its plan, and remembers its inputs."""
-
-    def __init__(self, *plans: MotionPlan) -> None:
-        self._plans = plans
-        self.inputs: list[str] = []
-
-    def update(self, signal: PlannerInput) -> None:
-        self.inputs.append(type(signal).__name__)
-
-    def step(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
-        del estimate
-        return replace([plan for plan in self._plans if plan.t_s <= t_s + 1e-9][-1], t_s=t_s)
 
 
 def stream(seconds: float) -> list[Reading]:
@@ -176,16 +157,6 @@ def test_what_the_guard_makes_of_an_old_command_is_in_the_log() -> None:
     assert recorded[-1] == (0.0, True)
 
 
-def test_each_phase_is_reported_once_with_its_cause() -> None:
-    plans = [
-        MotionPlan(t_s=0.1 * k, phase=phase, speed_m_s=0.2, cause=phase) for k, phase in enumerate(("search", "climb", "crest"))
-    ]  # type: ignore[arg-type]
-    recorded: list[Signal] = []
-    drive(30, RecordedPlant(stream(0.3)), Scripted(*plans), log=recorded.append)
-    phases = [signal for signal in recorded if isinstance(signal, Event) and signal.cause in ("search", "climb", "crest")]
-    assert [(event.name, event.t_s) for event in phases] == [("search", 0.0), ("climb", 0.1), ("crest", 0.2)]
-
-
 def frame(t_s: float, brightness: int) -> RgbdFrame:
     rng = np.random.default_rng(brightness)
     rgb = rng.integers(0, brightness, size=(24, 32, 3), dtype=np.uint8)
@@ -198,19 +169,6 @@ def test_a_frame_that_repeats_itself_is_not_looked_at() -> None:
     readings = [*stream(0.35), frame(0.1, 200), frame(0.2, 200), frame(0.3, 210)]
     detector = drive(35, RecordedPlant(sorted(readings, key=lambda reading: reading.t_s)))
     assert detector.calls.count("RgbdFrame") == 2
-
-
-def test_the_planner_gets_what_it_needs_and_no_frame() -> None:
-    readings: list[Reading] = [*stream(0.1), TrackReading(t_s=0.05, left_m_s=0.1, right_m_s=0.1, brake_on=False)]
-    readings += [
-        FlipperReading(t_s=0.05, angle_rad=0.1, torque_n_m=0.0),
-        OperatorInput(t_s=0.05, flight_ends=True),
-        frame(0.06, 200),
-        stair(0.06, [(1.0, 0.0, 0.16), (1.3, 0.0, 0.32)], left_seen_m=1.0, right_seen_m=1.0),
-    ]
-    planner = Scripted(MotionPlan(t_s=0.0, phase="drive", speed_m_s=0.2))
-    drive(10, RecordedPlant(sorted(readings, key=lambda reading: reading.t_s)), planner)
-    assert set(planner.inputs) == {"ImuSample", "TrackReading", "FlipperReading", "StairMap", "OperatorInput"}
 
 
 def test_a_period_that_is_no_multiple_of_the_tick_is_refused() -> None:

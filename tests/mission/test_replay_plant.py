@@ -52,16 +52,6 @@ def test_a_reading_that_arrived_late_comes_at_its_arrival_with_its_own_stamp() -
     assert batches == [[], [], [fresh], [late]]
 
 
-def test_it_is_not_over_before_its_last_reading_was_taken() -> None:
-    plant = ReplayPlant(on_time([OperatorInput(t_s=0.03)]))
-    plant.start()
-    assert not plant.over
-    plant.advance(0.03)
-    assert not plant.over
-    plant.read()
-    assert plant.over
-
-
 def test_only_what_is_due_is_taken_from_the_log() -> None:
     taken = []
 

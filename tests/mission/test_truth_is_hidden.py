@@ -2,10 +2,7 @@
 
 from collections.abc import Sequence
 
-import pytest
-
-from treadline.core.errors import SettingsError
-from treadline.core.ports import Plant, Reading, TruthPlant
+from treadline.core.ports import Plant, Reading
 from treadline.core.signals import FlipperCommand, SeatCommand, TrackCommand
 from treadline.experiments.plan import turn
 from treadline.mission.loop import Mission
@@ -70,20 +67,6 @@ def test_the_same_samples_without_any_truth_give_the_same_commands_bit_for_bit()
     assert len({round(tracks.left_m_s, 3) for tracks, *_ in replay.written}) > 3  # it did steer
 
 
-def test_a_plant_whose_truth_explodes_is_driven_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    scenario = turn(25, 10, 1.0)
-    plant = open_plant(scenario, seed=3)
-
-    def explode() -> None:
-        message = "the mission asked for the truth"
-        raise AssertionError(message)
-
-    monkeypatch.setattr(plant, "truth", explode)
-    recording = Recording(plant)
-    drive(recording, mission_config(scenario, shipped_controller("wheelchair")), 100)
-    assert max(tracks.right_m_s for tracks, *_ in recording.written) > 0.05
-
-
 def test_the_mission_configuration_does_not_depend_on_slope_friction_heading_or_where_the_payload_sits() -> None:
     design = shipped_controller("wheelchair")
     configured = mission_config(turn(25, 30, 80.0), design)
@@ -94,13 +77,3 @@ def test_the_mission_configuration_does_not_depend_on_slope_friction_heading_or_
     hidden["sensors"] |= {"gravity_error_deg": 1.0}
     hidden["stair"].pop("slope_deg", None)
     assert mission_config(Scenario.model_validate(hidden), design) == configured
-
-
-def test_a_plant_port_offers_no_truth() -> None:
-    assert not hasattr(Plant, "truth")
-    assert hasattr(TruthPlant, "truth")
-
-
-def test_a_closed_loop_without_a_controller_is_refused() -> None:
-    with pytest.raises(SettingsError, match="needs a controller"):
-        build_blocks(mission_config(turn(28, 0, 1.0), None))

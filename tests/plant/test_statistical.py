@@ -66,21 +66,6 @@ def rendered(staircase: Staircase, pose: Pose, *, rear: bool) -> StairDetection:
     return StairDetector().look(frame, R_WC.T @ DOWN_W)
 
 
-@pytest.mark.parametrize("exact", [True, False])
-def test_the_same_seed_reports_the_same(*, exact: bool) -> None:
-    staircase = stair()
-    first, again = (
-        [camera_.look(0.1 * k, *on_the_flight(staircase, 0.5 + 0.1 * k)) for k in range(30)]
-        for camera_ in (camera(staircase, exact=exact), camera(staircase, exact=exact))
-    )
-    assert any(first)
-    for one, other in zip(first, again, strict=True):
-        assert len(one) == len(other)
-        for left, right in zip(one, other, strict=True):
-            for name in left.__dataclass_fields__:
-                np.testing.assert_array_equal(getattr(left, name), getattr(right, name))
-
-
 @pytest.mark.parametrize(
     ("where", "rear"),
     [("foot", False), ("flight", False), ("near the top", False), ("flight", True), ("above the foot", True), ("landing", True)],
@@ -166,7 +151,7 @@ def test_errors_are_correlated_within_a_run_and_independent_between_runs() -> No
 
 def test_errors_are_no_smaller_than_on_frames_outside_the_fit() -> None:
     errors: dict[str, list[float]] = {"frames": [], "model": []}
-    for seed in range(12):
+    for seed in range(8):
         rng = np.random.default_rng(90_000 + seed)
         staircase = stair(rise_jitter_m=0.002, nosing_yaw_jitter_deg=0.15, rise_m=float(rng.uniform(0.14, 0.18)), walls="none")
         eye = camera(staircase, seed=seed)

@@ -199,29 +199,7 @@ def test_every_series_of_the_foxglove_layout_is_in_the_log_and_is_what_its_label
     assert topics <= set(messages)
 
 
-PANELS = {"3D", "Image", "Plot", "RawMessages"}
-"""Types of Foxglove's own panels, which the keys of a layout begin with."""
 IMAGES = {"sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"}
-
-
-def _leaves(node: Any) -> list[str]:
-    """Return the panels of a Foxglove layout tree."""
-    return [node] if isinstance(node, str) else [*_leaves(node["first"]), *_leaves(node["second"])]
-
-
-def test_the_foxglove_layout_has_the_form_that_its_readers_declare(kinds: dict[str, str]) -> None:
-    """Test: form of Foxglove's open-source panels (Lichtblick's PlotConfig). Expected: known panels, each placed once."""
-    layout = json.loads((LAYOUTS / "foxglove.json").read_text())
-    panels = layout["configById"]
-    assert {name.partition("!")[0] for name in panels} == PANELS
-    assert sorted(_leaves(layout["layout"])) == sorted(panels)
-    assert kinds[panels["Image!overlay"]["imageMode"]["imageTopic"]] in IMAGES
-    assert panels["RawMessages!events"]["topicPath"].partition(".")[0] in kinds
-    for name, panel in panels.items():
-        if name.startswith("Plot!"):
-            assert panel["xAxisVal"] == "timestamp"
-            assert panel["legendDisplay"] in {"floating", "top", "left", "none"}
-            assert all(path["timestampMethod"] in {"receiveTime", "headerStamp"} and path["enabled"] for path in panel["paths"])
 
 
 def test_every_curve_of_the_plotjuggler_layout_is_in_the_log(messages: dict[str, list[Any]], kinds: dict[str, str]) -> None:
@@ -234,23 +212,6 @@ def test_every_curve_of_the_plotjuggler_layout_is_in_the_log(messages: dict[str,
             assert kinds[topic] == "sensor_msgs/msg/JointState"
             assert name in messages[topic][0].name, curve
         assert hasattr(messages[topic][0], field), curve
-
-
-def test_the_plotjuggler_layout_has_the_form_that_version_3_reads() -> None:
-    """Test: elements and attributes that PlotJuggler 3 saves. Expected: a tree of tabs, splitters with a size each, and plots."""
-    root = parse(LAYOUTS / "plotjuggler.xml").getroot()  # noqa: S314 - our own file
-    (tabs,) = root.findall("tabbed_widget")
-    assert tabs.get("parent") == "main_window"
-    assert [tab.get("containers") for tab in tabs.findall("Tab")] == [
-        str(len(tab.findall("Container"))) for tab in tabs.findall("Tab")
-    ]
-    for splitter in root.iter("DockSplitter"):
-        sizes = [float(size) for size in splitter.get("sizes").split(";")]
-        assert len(sizes) == len(list(splitter)) == int(splitter.get("count"))
-        assert sum(sizes) == pytest.approx(1.0)
-    for area in root.iter("DockArea"):
-        (plot,) = area.findall("plot")
-        assert (plot.get("mode"), plot.get("style")) == ("TimeSeries", "Lines")
 
 
 DISPLAYS = {

@@ -165,16 +165,3 @@ def test_a_sweep_of_a_robot_summarises_without_the_seat(robot: Callable[..., Pat
     run_command("sweep", tmp_path / "sweep.toml", "--runs", 2, "--workers", 1, "--seed", 5, "--out", out)
     assert len((out / "runs.csv").read_text().splitlines()) == 3
     assert "seat_max_deg" not in json.loads((out / "summary.json").read_text())["scores"]
-
-
-def test_the_open_questions_of_an_own_robot_are_answered_in_order(robot: Callable[..., Path]) -> None:
-    path = robot(name="mine")
-    steep = scenario_of(path, stair={"slope_deg": 44.0})
-    setup = resolve(steep)  # check answers; no controller is needed for a refusal
-    assert setup.mission.controller is None
-    assert any("44.0° steep" in reason for reason in setup.rejections)
-    with pytest.raises(SettingsError, match=r"check refuses this scenario: the stair is 44\.0° steep"):
-        setup.require_controller()
-    assert check(scenario_of(path), read_chair(str(path))).verdict == "go"
-    with pytest.raises(SettingsError, match="no controller is shipped for 'mine'"):
-        resolve(scenario_of(path))

@@ -59,7 +59,7 @@ def random_solid(rng: np.random.Generator) -> SceneBox:
     )
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_depth_of_boxes_turned_any_way_is_that_of_rays(seed: int) -> None:
     rng = np.random.default_rng(seed)
     solids = [upright("floor", (-5.0, -5.0, -0.2), (8.0, 5.0, 0.0)), *(random_solid(rng) for _ in range(12))]

@@ -135,12 +135,6 @@ def test_consecutive_frames_have_fresh_noise() -> None:
     assert np.nanmean(first == second) < 0.9
 
 
-def test_texture_changes_colour_but_not_depth() -> None:
-    wood, terrazzo = frame(10), frame(10, texture="terrazzo")
-    assert wood.depth_m.tobytes() == terrazzo.depth_m.tobytes()
-    assert np.mean(wood.rgb != terrazzo.rgb) > 0.5
-
-
 def test_light_scales_colour_but_not_depth() -> None:
     bright, dim = frame(11), frame(11, light=0.5)
     assert bright.depth_m.tobytes() == dim.depth_m.tobytes()

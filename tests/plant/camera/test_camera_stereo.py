@@ -40,8 +40,8 @@ def post(
 
 
 @pytest.mark.parametrize("kind", ["d435", "d455"])
-@pytest.mark.parametrize("sigma_px", [0.05, 0.08, 0.12])
-@pytest.mark.parametrize("distance_m", [0.7, 1.5, 3.0])
+@pytest.mark.parametrize("sigma_px", [0.05, 0.12])
+@pytest.mark.parametrize("distance_m", [0.7, 3.0])
 def test_depth_noise_grows_with_the_square_of_distance(kind: str, sigma_px: float, distance_m: float) -> None:
     """Expected: Z²·σ/(f·B) (Keselman et al. 2017, eq. 2), and the steps of 1/32 px add their own."""
     seen = camera(1, kind, sigma_px=sigma_px)

@@ -102,15 +102,6 @@ def test_multipath_of_a_corner_is_the_integral_over_its_other_surface(above_m: f
     assert 0.002 < expected < 0.05
 
 
-def test_multipath_fades_away_from_the_corner() -> None:
-    depth, face, albedos = corner(1.6, 0.6)
-    bias = multipath_bias(CALIBRATION, depth, face, albedos)
-    middle = bias[:, round(CALIBRATION.cx_px)]
-    corner_row = int(np.flatnonzero(face[:, 0])[0])
-    assert middle.min() >= 0.0
-    assert middle[corner_row - 60] > middle[20] > 0.0
-
-
 def test_dark_surfaces_have_less_multipath() -> None:
     depth, face, albedos = corner(1.6, 0.6)
     light, dark = (multipath_bias(CALIBRATION, depth, face, share * albedos) for share in (1.0, 0.3))

@@ -75,4 +75,3 @@ def test_at_rest_mujocos_own_solution_is_coulombs() -> None:
     data = sliding(0.0, 0.0)
     assert coulomb_error_m_s2(data.model, data, data.qacc, data.efc_force) < 1e-6
     np.testing.assert_allclose(unbalanced(data.model, data, data.qacc, data.efc_force), 0.0, atol=1e-6)
-

@@ -30,7 +30,7 @@ from treadline.core.signals import (
 from treadline.plant.faults import FaultyPlant, faulty
 from treadline.plant.faults._damage import PHYSICAL
 from treadline.plant.mujoco import MujocoPlant, open_plant
-from treadline.scenario.faults import EXTENTS, Fault, FaultKind, Message, Process, is_killed, stamp_of
+from treadline.scenario.faults import EXTENTS, Fault, FaultKind, Message, Process, stamp_of
 from treadline.scenario.scenario import Chair, Control, DriveSettings, Realism, Scenario, Sensors, Stair, Start
 
 GRAVITY_M_S2 = 9.81
@@ -362,7 +362,6 @@ def test_a_dead_seat_process_leaves_the_actuator_running_until_its_watchdog() ->
     strokes = {round(reading.t_s, 2): reading.stroke_m for reading in of(came, SeatReading)}
     assert strokes[0.8] - strokes[0.5] == pytest.approx(0.003, abs=2e-4)
     assert strokes[1.49] - strokes[1.3] == pytest.approx(0.0, abs=1e-4)
-
 
 
 def test_silence_brakes_a_chair_with_faults_alone() -> None:
