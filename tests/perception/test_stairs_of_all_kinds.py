@@ -1,6 +1,7 @@
 """Views drawn from recipes: up, down, open, worn, cluttered, near the top and the foot; and places without a stair."""
 
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -11,15 +12,27 @@ from sights import sights
 from treadline.core.angles import DEG
 from treadline.core.arrays import rms
 from treadline.core.signals import StairMap
-from treadline.perception import StairDetection, StairDetector
+from treadline.perception import StairDetector
 
 DETECTOR = StairDetector()
 
 
+class Look(NamedTuple):
+    """Values of a detection that outlive its frame; a detection itself holds 13 MB of images."""
+
+    heading_rad: float | None
+    sigma_rad: float | None
+    accepted: bool
+    stair_map: StairMap | None
+
+
 @cache
-def looked(recipe: ViewRecipe, seeds: range) -> list[tuple[StairTruth, StairDetection]]:
+def looked(recipe: ViewRecipe, seeds: range) -> list[tuple[StairTruth, Look]]:
     """Return truth and detection of each frame; frames of one recipe are drawn once for all tests."""
-    return [(truth, sight) for _, truth, sight in sights(recipe, seeds)]
+    return [
+        (truth, Look(sight.heading_rad, sight.sigma_rad, sight.accepted, sight.stair_map))
+        for _, truth, sight in sights(recipe, seeds)
+    ]
 
 
 def errors_and_strains(recipe: ViewRecipe, seeds: range) -> tuple[np.ndarray, np.ndarray, int]:
