@@ -250,24 +250,6 @@ def test_a_refused_run_prints_its_reason_and_has_no_figure() -> None:
         _ = run.scores
 
 
-def printed() -> list[Any]:
-    u, y = integrator()
-    found = tl.identify(u, y, 0.25, order=2, method="okid-era")
-    view = draw_view(np.random.default_rng(1), ViewRecipe(scenes=("up",)))
-    seen = tl.detect_stair(view.frame.depth_m, view.frame.camera, view.gravity_C)
-    return [found, found.model, tl.tune(found), tl.check("up-28"), seen, tl.climb(Scenario.model_validate(SHORT))]
-
-
-def test_every_result_prints_as_a_table_in_a_terminal_and_in_a_notebook() -> None:
-    for result in printed():
-        lines = repr(result).splitlines()
-        assert 3 <= len(lines) <= 12, lines
-        assert all(len(line) < 200 for line in lines)
-        page = result._repr_html_()
-        assert page.startswith("<table><caption>")
-        assert page.count("<tr>") == len(lines) - 1
-
-
 def test_what_is_printed_in_a_notebook_is_escaped() -> None:
     model = system(np.eye(1), np.eye(1), np.eye(1), input_names=("<script>",))
     assert "&lt;script&gt;" in model._repr_html_()

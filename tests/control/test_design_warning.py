@@ -35,16 +35,6 @@ def test_the_paper_s_design_gives_no_warning(weights: dict[str, object], period_
     assert design_warning(tune(paper_model(0.2), period_s=period_s, **weights)) is None
 
 
-def test_the_warning_states_the_halving_time() -> None:
-    design = tune(found_model())
-    slow = replace(design, K=0.03 * design.K)
-    heading = heading_response(slow)
-    assert heading[0] == pytest.approx(np.radians(30.0))
-    halved_s = 0.25 * int(np.argmax(heading < np.radians(15.0)))
-    assert halved_s > 5.0  # the limit of the warning
-    assert f"takes {halved_s:.1f} s to halve" in str(design_warning(slow))
-
-
 def test_the_mean_of_the_belts_does_not_steer() -> None:
     design = tune(found_model())
     together = replace(design, K=design.K + np.ones((2, 1)) * 7.0)

@@ -1,6 +1,6 @@
 """What a replay may change: every key reaches its block, and what cannot be is one line."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,7 +9,7 @@ from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import SettingsError
 from treadline.estimation import FilterConfig, HeadingFilter, OffsetEstimator
-from treadline.experiments._replay_settings import key_table, resolved
+from treadline.experiments._replay_settings import resolved
 from treadline.mission.mission_blocks import guard_config
 from treadline.mission.mission_config import MissionConfig
 from treadline.perception import StairDetector
@@ -39,16 +39,6 @@ def test_a_key_changes_its_setting_and_no_bit_of_the_others() -> None:
     drift = replace(FilterConfig().drift, least_rad_s=0.5 * DEG, least_count=4)
     assert settings.changed(FilterConfig(), "filter") == replace(FilterConfig(), gate=16.0, drift=drift)
     assert settings.changed(guard_config(BASE, 0.25), "guard") == replace(guard_config(BASE, 0.25), watches_slip=False)
-
-
-def test_the_blocks_own_settings_are_keys_in_degrees() -> None:
-    table = key_table(BASE)
-    assert not [key for key in table if "_rad" in key]
-    assert table["filter.reacquisition.spread_deg"][0] == "1.5"
-    assert "guard.needs_heading" not in table
-    for config, block in ((FilterConfig(), "filter"), (guard_config(BASE, 0.25), "guard")):
-        for name in (item.name for item in fields(config) if item.name != "needs_heading"):
-            assert any(key.startswith(f"{block}.{name.replace('_rad', '_deg')}") for key in table), name
 
 
 def test_the_estimator_follows_vision_unless_it_is_named() -> None:

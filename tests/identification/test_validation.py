@@ -17,7 +17,6 @@ from treadline.core.linear_systems import (
     one_step_residuals,
     prefix,
     simulate,
-    vaf_percent,
     whiteness_p,
 )
 from treadline.core.models import InputOutputRecord, LinearModel
@@ -68,11 +67,6 @@ def test_the_fit_is_100_for_the_truth_and_0_for_the_mean(eq_12: LinearModel, dra
     scored = record.y[prefix(len(record), 1, 2) :]
     dead = system(np.zeros((1, 1)), np.zeros((1, 2)), np.zeros((2, 1)), output_offset=scored.mean(axis=0))
     np.testing.assert_allclose(fit_percent(dead, record), [0.0, 0.0], atol=1e-9)
-
-
-def test_the_variance_accounted_for_is_one_less_the_share_of_the_residuals() -> None:
-    y = np.array([[0.0], [2.0], [0.0], [2.0]])
-    np.testing.assert_allclose(vaf_percent(y, 0.5 * y), [75.0])
 
 
 def test_the_right_observer_leaves_the_innovations(innovations: LinearModel) -> None:

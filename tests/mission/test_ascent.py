@@ -131,22 +131,19 @@ def test_with_a_heading_error_on_a_flight_it_does_not_wait_for_its_flipper() -> 
     assert world.t_s < 0.3
 
 
-@pytest.mark.parametrize("heading_deg", [0.0, 1.6])
-def test_the_belts_do_not_follow_the_fall_of_a_chair_that_turns(heading_deg: float) -> None:
+@pytest.mark.parametrize(
+    ("falls_deg_s", "heading_deg", "pitch_feedforward_m_s"),
+    [(4.0, 0.0, LIMIT_M_S), (-4.0, 0.0, -LIMIT_M_S), (0.5, 0.0, 0.0), (4.0, 1.6, 0.0)],
+)
+def test_on_the_flight_the_belts_go_with_a_square_chair_that_falls(
+    falls_deg_s: float, heading_deg: float, pitch_feedforward_m_s: float
+) -> None:
+    """Test: its pitch goes down, or up, by 4 °/s; also at a heading at which it turns. Expected result: the plan's speed stays, and
+    says what both belts add."""
     world = climbing(heading_rad=heading_deg * DEG)
     planner = world.planner
-    planner.begin_tick(world.t_s, replace(SQUARE, heading_rad=heading_deg * DEG))
-    planner._tip_over.rate_rad_s = 4.0 * DEG
-    assert planner._pitch_feedforward() == (LIMIT_M_S if heading_deg == 0.0 else 0.0)
-
-
-@pytest.mark.parametrize(("falls_deg_s", "pitch_feedforward_m_s"), [(4.0, LIMIT_M_S), (-4.0, -LIMIT_M_S), (0.5, 0.0)])
-def test_on_the_flight_the_belts_go_with_a_chair_that_falls(falls_deg_s: float, pitch_feedforward_m_s: float) -> None:
-    """Test: its pitch goes down, or up, by 4 °/s. Expected result: the plan's speed stays, and says what both belts add."""
-    world = climbing()
-    planner = world.planner
     planner._tip_over.rate_rad_s = falls_deg_s * DEG
-    plan = planner.step(world.t_s, SQUARE)
+    plan = planner.step(world.t_s, replace(SQUARE, heading_rad=heading_deg * DEG))
     assert (plan.speed_m_s, plan.turn_m_s, plan.pitch_feedforward_m_s) == (0.2, None, pitch_feedforward_m_s)
 
 

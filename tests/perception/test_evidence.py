@@ -1,6 +1,5 @@
 """Evidence of a stair: what two steps can reach, what a repetition adds, and what a series of frames remembers."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -8,10 +7,8 @@ import pytest
 from jaxtyping import Float
 from scenes import ViewRecipe, draw_view
 
-from treadline.core.angles import DEG
 from treadline.core.camera_images import DepthSensor
 from treadline.perception import StairDetector
-from treadline.perception._irregularity import pooled_mean
 from treadline.perception._lattice_kernels import best_lattice
 from treadline.perception._plane_segmentation import surface_blocks
 from treadline.perception._stair_shape import Placed, spacing
@@ -120,39 +117,6 @@ def test_the_spacing_of_steps_has_a_true_interval(alone_m: float, accumulated_m:
         found = spacing([part], (0.17, 0.035))
         strains.append((found.mean_m - RISE) / found.sigma_m)
     assert least <= np.mean(np.square(strains)) < most
-
-
-def steps_off_the_vertical(rng: np.random.Generator, known: bool) -> float:
-    """Return the strain of the rise: the vertical is wrong by 0.5° RMS, which lowers each step by its distance times that."""
-    steps = np.arange(6)
-    common = (0.5 * DEG * (3.0 + 0.29 * steps))[:, None]
-    heights = RISE * steps + common[:, 0] * rng.standard_normal() + 0.001 * rng.standard_normal(6)
-    part = Placed(steps, heights, np.full(6, 1e-6), np.zeros((6, 1)), common_m=common * known)
-    found = spacing([part], (0.17, 0.035))
-    return (found.mean_m - RISE) / found.sigma_m
-
-
-def treads_tilted_alike(rng: np.random.Generator, known: bool) -> float:
-    """Return the strain of the vertical: gravity is off by 0.5° RMS, and a detour of light tilts five treads alike by 1° RMS."""
-    common = np.array([0.0, *5 * [1.0 * DEG]])
-    variances = np.array([(0.5 * DEG) ** 2, *5 * [(0.02 * DEG) ** 2]])
-    tilts = np.sqrt(variances) * rng.standard_normal(6) + common * rng.standard_normal()
-    tilts[1:] += 0.1 * DEG * rng.standard_normal(5)
-    found = pooled_mean(tilts, variances, common == 0.0, common=common * known)
-    return found.mean / found.sigma
-
-
-@pytest.mark.parametrize(("strain", "unknown"), [(steps_off_the_vertical, 5.0), (treads_tilted_alike, 3.0)])
-def test_an_error_common_to_all_surfaces_does_not_average_out(
-    strain: Callable[[np.random.Generator, bool], float], unknown: float
-) -> None:
-    """Test: 400 draws. Expected result: the error over its deviation has a mean square of 1 to within 0.2, twice the deviation of
-    such a mean; without the common error it is far above."""
-    known, without = (
-        np.mean([strain(rng, declared) ** 2 for rng in 400 * [np.random.default_rng(11)]]) for declared in (True, False)
-    )
-    assert 0.8 < known < 1.2
-    assert without > unknown
 
 
 @pytest.mark.parametrize(("sensor", "distance_m"), [("kinect1", 3.0), ("d455", 2.5)])

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from numba import njit
 
 from treadline.core.rotations import quaternion_of, rotation_of, rotation_x, rotation_y, rotation_z
 from treadline.plant.sensors import _pose_kernels as kernels
@@ -30,19 +29,6 @@ def test_rotations_and_quaternions_are_those_of_angles(seed: int) -> None:
     back = np.empty((3, 3))
     kernels.rotation(*q.tolist(), back)
     np.testing.assert_array_equal(back, rotation_of(q))
-
-
-def test_a_product_rounds_each_term_once() -> None:
-    # (1 + e)(1 - e) - 1 = -e², which a product that is rounded before it is added loses.
-    small = 2.0**-30
-
-    @njit
-    def inner(a, b):  # noqa: ANN202 - compiled
-        return kernels.dot(a, b)
-
-    assert inner(np.array([-1.0, 1.0 + small]), np.array([1.0, 1.0 - small])) == -(small**2)
-    A, B = turned(1), turned(2)
-    np.testing.assert_allclose(kernels.product(A, B), A @ B, rtol=0.0, atol=1e-15)
 
 
 def test_a_chair_stands_on_what_it_touched_and_on_nosings_that_it_rocks_onto() -> None:

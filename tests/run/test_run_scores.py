@@ -35,19 +35,6 @@ def test_settling_is_the_last_entry_into_the_band() -> None:
     assert settling_time(t, np.full(1001, 3.0 * DEG)) is None
 
 
-@pytest.mark.parametrize(
-    ("phases", "words"),
-    [
-        ((), "settled to ±2° in 1.0 s"),
-        (((0.0, "align"), (5.0, "approach")), "at most 1.5° once aligned"),
-    ],
-)
-def test_settling_is_said_by_the_alignment_of_a_whole_traversal(phases: tuple[tuple[float, str], ...], words: str) -> None:
-    heading = np.where(np.arange(1001) < 100, 10.0, 1.5)
-    assert score(trace(heading), phases).settling == words
-    assert score(trace(np.full(1001, 3.0))).settling == "did not settle"
-
-
 def test_only_a_retreat_on_the_flight_rolls_back() -> None:
     """Test: back by 0.3 m on the landing, by 0.1 and 0.2 m on the flight. Expected: 0.2 m, and nothing from the landing."""
     onward = np.array([0.0, 1.0, 0.7, 0.7, 2.0, 1.9, 2.5, 2.3, 3.0, 2.0])

@@ -7,12 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.optimize import linprog
 
 from treadline.core.angles import DEG
 from treadline.core.rotations import rotation_z
-from treadline.core.signals import FlipperCommand, SeatCommand, TrackCommand
-from treadline.plant.mujoco import open_plant
 from treadline.plant.sensors.camera.solids import solids_of
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario, Stair
@@ -218,72 +215,3 @@ def test_a_chair_put_down_into_the_newel_or_into_a_winder_overlaps_it(
     deep = found is not None and found.depth_m > 0.02
     assert deep == (into is not None)
     assert found is None or not deep or found.into == into
-
-
-def resting_tilt(staircase: Staircase, p_WB: np.ndarray, R_WB: np.ndarray) -> tuple[float, float]:
-    """Return pitch and roll of the flat runs laid on the nosings below them: the lowest plane that no nosing rises above.
-
-    The plane z = a + b x + c y below the chair minimises its height at the centre of mass, subject to lying above every nosing
-    within the two belts' outline: a linear programme. Nosings are rounded by 10 mm, which lowers all of them nearly alike.
-    """
-    tracks = CHAIR.tracks
-    level = rotation_z(math.atan2(R_WB[1, 0], R_WB[0, 0]))
-    forward_m = 0.5 * tracks.flat_run_m * math.hypot(R_WB[0, 0], R_WB[1, 0])
-    points = []
-    for solid in stair_solids(staircase):
-        if solid.nosing is None:
-            continue
-        left, right = np.array(solid.nosing.left_W), np.array(solid.nosing.right_W)
-        for share in np.linspace(0.0, 1.0, 1201):
-            place_W = left + share * (right - left)
-            x, y, _ = level.T @ (place_W - p_WB)
-            if abs(x) <= forward_m and abs(abs(y) - 0.5 * tracks.gauge_m) <= 0.5 * tracks.belt_width_m:
-                points.append((x, y, place_W[2]))
-    x, y, z = np.array(points).T
-    found = linprog([1.0, 0.0, 0.0], A_ub=-np.column_stack([np.ones_like(x), x, y]), b_ub=-z, bounds=[(None, None)] * 3)
-    _, b, c = found.x
-    # The left of a chair in that plane rises by the left component of the plane's normal, seen along the chair.
-    return math.atan(b), math.asin(c / math.sqrt(1.0 + b * b + c * c) / math.sqrt(1.0 + b * b))
-
-
-@pytest.mark.parametrize(("side", "sign"), [("left", 1.0), ("right", -1.0)])
-def test_a_chair_driven_onto_winders_turns_and_rolls_as_their_nosings_lie(side: str, sign: float) -> None:
-    """Test: up a flight and onto its winders, the flipper raised, belts alike.
-
-    Expected: straight on until the pulley on the newel's side meets the second winder; that belt is held up, so the chair turns to
-    the newel; with the flat runs on the nosings, pitch and roll are those of the plane that lies on them.
-    """
-    stair = KEYS | {"rise_m": 0.14, "steps": 20, "winder_first": 9, "winder_to": side, "walls": "none", "friction": [0.9, 0.7]}
-    tables = {
-        "stair": stair,
-        "start": {"place": "flight", "step": 8},
-        "sensors": {"camera": "statistical"},
-        "chair": {"belt_mismatch": 0.0},
-    }
-    plant = open_plant(Scenario.model_validate(tables), 0)
-    plant.start()
-    tracks, met_m, tilts = CHAIR.tracks, None, {}
-    for k in range(1351):
-        plant.advance(0.01 * k)
-        plant.read()
-        plant.write(
-            TrackCommand(t_s=0.01 * k, left_m_s=0.1, right_m_s=0.1),
-            SeatCommand(t_s=0.01 * k, rate_m_s=0.0),
-            FlipperCommand(t_s=0.01 * k, rate_rad_s=0.5 if k < 100 else 0.0),
-        )
-        truth = plant.truth()[-1]
-        R_WB, p_WB = plant._pose_WB()
-        pulley_B = np.array([0.5 * tracks.flat_run_m, sign * 0.5 * tracks.gauge_m, tracks.pulley_radius_m])
-        if met_m is None and abs(truth.heading_rad) > 0.2 * DEG:
-            met_m = float((p_WB + R_WB @ pulley_B)[0]) + tracks.pulley_radius_m
-        if k in (300, 700, 850, 1250, 1350):
-            tilts[k] = (truth.pitch_rad, truth.roll_rad), resting_tilt(plant.staircase, p_WB, R_WB)
-    plan, foot = plan_of(plant.staircase), plant.staircase.steps[9]
-    # The belt's outer edge meets the second winder's nosing first. Heading 0.2° and rounded nosings are 10 mm of driving.
-    aside_m = plan.newel_m + 0.5 * plan.width_m - 0.5 * (tracks.gauge_m + tracks.belt_width_m)
-    assert met_m == pytest.approx(foot.x_m + aside_m * math.tan(abs(plan.step_rad)), abs=0.01)
-    assert sign * truth.heading_rad > 10.0 * DEG
-    assert sign * truth.roll_rad < -5.0 * DEG
-    for found, expected in tilts.values():
-        # Round nosings touch a tilted belt elsewhere than their sharp edges: 2 mm over the gauge of 0.65 m are 0.2°.
-        assert found == pytest.approx(expected, abs=0.2 * DEG)

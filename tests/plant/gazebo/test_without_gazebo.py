@@ -1,8 +1,6 @@
 """What needs no Gazebo: the world that is written, and one line for each way in which gzserver lets one down."""
 
 import math
-import os
-import subprocess
 import sys
 import textwrap
 from collections.abc import Callable, Mapping
@@ -13,7 +11,6 @@ from xml.etree.ElementTree import fromstring
 import numpy as np
 import pytest
 
-from treadline.cli.reproduce import reproduce
 from treadline.core.camera_images import RgbdFrame
 from treadline.core.errors import GazeboError, SettingsError
 from treadline.core.rotations import rotation_of
@@ -32,7 +29,6 @@ from treadline.vehicle.start_pose import standing
 
 SCENARIO = Scenario(start=Start(place="flight", step=4, heading_deg=10.0), control=Control(vision="truth"))
 
-SCRIPT = Path(__file__).parents[3] / "legacy" / "gazebo" / "environment.sh"
 
 GREETING = "import socket, struct, sys\n" + textwrap.dedent("""
     port = int(open(sys.argv[-1]).read())
@@ -165,34 +161,6 @@ def test_without_an_environment_it_is_said_how_to_get_one(tmp_path: Path, monkey
     monkeypatch.setattr("shutil.which", lambda _: None)
     with pytest.raises(GazeboError, match="no chroot on this system"):
         find_environment()
-
-
-@pytest.mark.parametrize(
-    ("program", "script", "expected"),
-    [
-        ("id", "echo 1000", "Gazebo's environment needs root; run it as root, or take the Dockerfile"),
-        ("chroot", "exit 1", "chroot is not allowed here; take the Dockerfile"),
-    ],
-    ids=["no root", "no chroot"],
-)
-def test_where_it_cannot_be_built_the_script_says_so_in_a_line_and_the_tests_are_skipped(
-    tmp_path: Path, program: str, script: str, expected: str
-) -> None:
-    (tmp_path / "id").write_text("#!/bin/sh\necho 0\n")
-    (tmp_path / program).write_text(f"#!/bin/sh\n{script}\n")
-    for name in ("id", program):
-        (tmp_path / name).chmod(0o755)
-    environment = os.environ | {"PATH": f"{tmp_path}:{os.environ['PATH']}", "TREADLINE_GAZEBO": str(tmp_path / "cache")}
-    done = subprocess.run([SCRIPT], env=environment, capture_output=True, text=True, check=False)
-    assert done.returncode == 77  # make test-gazebo takes it for "skipped"
-    assert done.stderr.splitlines()[-1] == f"treadline: {expected}"  # a busy machine writes before that the command runs
-
-
-def test_the_paper_is_not_begun_without_gazebo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("TREADLINE_GAZEBO", str(tmp_path))
-    with pytest.raises(GazeboError, match="no Gazebo 11"):
-        reproduce(plant="gazebo", out=tmp_path / "out")
-    assert not (tmp_path / "out").exists()
 
 
 def test_two_simulators_are_compared_row_by_row() -> None:

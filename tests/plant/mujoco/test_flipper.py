@@ -11,7 +11,6 @@ from treadline.plant.faults import Damage
 from treadline.plant.mujoco import MujocoPlant, open_plant
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Chair, Control, Scenario, Stair, Start
-from treadline.vehicle.static_stability import centre_of_mass
 
 ARMED = read_chair("wheelchair")
 NOISE_N_M = 2.0
@@ -110,12 +109,3 @@ def test_a_dead_motor_brakes_rising_and_falls_freely() -> None:
     fallen, _, _ = turn(plant, 0.0, 0.0, 1.0)
     # 4 N·m turn rotor and section, 0.5 kg·m², by 40° in well under a second; the brake does not hold that way.
     assert fallen[-1].angle_rad < 1.0 * DEG
-
-
-def test_the_centre_of_mass_follows_the_flipper() -> None:
-    rest, ahead, down = (centre_of_mass(ARMED, Chair(), 0.0, angle) for angle in (None, 0.0, -60.0 * DEG))
-    assert rest == centre_of_mass(ARMED, Chair(), 0.0, 40.0 * DEG)
-    assert ahead[0] > rest[0] > 0.0
-    assert down[2] < ahead[2] < rest[2]
-    # 3 kg of 76.9 kg, half of 0.45 m away.
-    assert ahead[2] - down[2] == pytest.approx(3.0 / 76.9 * 0.225 * np.sin(60.0 * DEG), rel=1e-6)
