@@ -312,6 +312,16 @@ def test_a_missing_step_stops_the_chair_for_good_before_it() -> None:
     assert world.run("crest").hold is None
 
 
+def test_a_missing_step_that_is_seen_late_stops_the_chair_under_its_front_too() -> None:
+    world = Foot()
+    world.run("climb")
+    where = world.planner._where
+    where.gaps_ahead_m = lambda: [(PIVOT_M - 0.07, PIVOT_M + 0.6)]  # type: ignore[method-assign]
+    assert world.tick().hold == "a step is missing: 0.67 m from nosing to nosing, the first 0.07 m behind the front pulley"
+    where.gaps_ahead_m = lambda: [(-1.0, -0.4)]  # type: ignore[method-assign]
+    assert world.tick().hold is None
+
+
 # --- climb: walls and drops
 
 

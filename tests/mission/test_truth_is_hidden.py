@@ -2,6 +2,9 @@
 
 from collections.abc import Sequence
 
+import pytest
+
+from treadline.core.errors import SettingsError
 from treadline.core.ports import Plant, Reading
 from treadline.core.signals import FlipperCommand, SeatCommand, TrackCommand
 from treadline.experiments.plan import turn
@@ -77,3 +80,8 @@ def test_the_mission_configuration_does_not_depend_on_slope_friction_heading_or_
     hidden["sensors"] |= {"gravity_error_deg": 1.0}
     hidden["stair"].pop("slope_deg", None)
     assert mission_config(Scenario.model_validate(hidden), design) == configured
+
+
+def test_a_closed_loop_without_a_controller_is_refused() -> None:
+    with pytest.raises(SettingsError, match="needs a controller"):
+        build_blocks(mission_config(turn(28, 0, 1.0), None))

@@ -10,7 +10,7 @@ import pytest
 import treadline
 from treadline.core.rotations import rotation_y
 from treadline.scenario.chair import ChairDescription, Payload, read_chair
-from treadline.scenario.scenario import Belts, Chair, Stair
+from treadline.scenario.scenario import Chair, Stair
 from treadline.vehicle.appearance import BeltPath, MeshPart, body_poses, chair_parts, lug_part, lug_poses, stair_parts
 from treadline.vehicle.bodies import vehicle
 from treadline.vehicle.staircase import as_designed
@@ -120,13 +120,6 @@ def test_lugs_follow_the_belt_at_equal_distances_and_advance_with_it(chair: Chai
     moved = lug_poses(chair, "left", 0.01, angle)[0, :3, 3] - poses[0, :3, 3]
     np.testing.assert_allclose(moved, [-0.01, 0.0, 0.0], atol=1e-12)
     np.testing.assert_allclose(np.linalg.det(poses[:, :3, :3]), 1.0)
-
-
-def test_lug_spacing_is_the_scenarios_pitch_up_to_a_whole_number_of_lugs() -> None:
-    chair, belts = read_chair("wheelchair"), Belts(lug="20/80")
-    count = len(lug_poses(chair, "right", 0.0, belts=belts))
-    assert BeltPath(chair).length_m / count == pytest.approx(0.08, rel=0.5 / count)
-    assert np.ptp(lug_part(chair, belts).vertices_m[:, 2]) == pytest.approx(0.021, abs=ROUNDING_M)
 
 
 @pytest.mark.parametrize("pitch_deg", [0.0, 20.0, 30.0])

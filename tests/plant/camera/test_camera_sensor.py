@@ -142,10 +142,6 @@ def test_light_scales_colour_but_not_depth() -> None:
     assert dim.rgb.mean() / bright.rgb.mean() == pytest.approx(0.5, rel=0.03)
 
 
-def test_an_ideal_camera_measures_what_is_there() -> None:
-    np.testing.assert_array_equal(measured(wall(2.0), 12, kind="ideal"), np.float32(2.0))
-
-
 def test_a_kinect_2_is_finer_and_has_no_steps() -> None:
     errors = measured(wall(2.0), 13, kind="kinect2") - 2.0
     # Recorded frames of 1.2 to 2 m have residuals of 1.8 mm in their better blocks; a surface 2 m away gives back a quarter

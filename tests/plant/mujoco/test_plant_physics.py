@@ -72,7 +72,7 @@ def ground_track(plant: MujocoPlant, samples: list[Truth]) -> Float[np.ndarray, 
 
 
 def each_second(plant: MujocoPlant, command: TrackCommand, seconds: int) -> list[Truth]:
-    """Hold one command and return the truth of every whole second: sensors and truth of 30 000 ticks take their time."""
+    """Hold one command and return the truth of every whole second: sensors and truth of 12 000 ticks take their time."""
     plant.write(command, STILL)
     samples = list(plant.truth())
     for second in range(1, seconds + 1):
