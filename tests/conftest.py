@@ -39,7 +39,7 @@ FAST = ("architecture/test_language.py", "control", "docs/test_decisions.py", "d
 """Folders and files whose tests together finish within a minute on two cores: the marker ``fast``."""
 
 
-SHAPES = ("control", "core", "estimation", "identification", "perception", "scenarios/test_whole_runs_touch_nothing.py", "vehicle")
+SHAPES = ("control", "core", "estimation", "identification", "perception", "mission/test_flights.py", "vehicle")
 """Unit tests of modules with arrays, and one whole run per direction: the marker ``shapes``."""
 SAMPLES = ("perception/test_stairs_of_all_kinds.py", "perception/test_no_stair.py")
 """Tests that repeat on many frames what others of their folder do on a few: not marked."""

@@ -36,7 +36,7 @@ def error_of(model: LinearModel, plant: LinearModel) -> float:
 
 def test_a_symmetric_vehicle_is_fitted_by_the_difference_of_its_belt_speeds() -> None:
     plant, by_difference, by_both = vehicle(), [], []
-    for seed in range(24):
+    for seed in range(12):
         record = driven(plant, seed)
         found = fit(record, order=1)
         assert found.report.mirrored

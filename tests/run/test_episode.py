@@ -82,6 +82,9 @@ def assert_there_by_truth(run: Traverse) -> None:
     x = run.trace["x_m"][-1]
     assert (x > last_m) if run.scenario.drive.direction == "up" else (x < 0.0)
     assert abs(run.trace["pitch_rad"][-1]) < np.radians(4.0)
+    # Nothing but the belts has touched the stair.
+    assert run.trace["hull_contacts"].max() == 0.0
+    assert "hull_contact" not in [event.name for event in run.events]
 
 
 def assert_gentle(run: Traverse) -> None:
@@ -111,15 +114,14 @@ def test_from_thirty_degrees_it_arrives_gently_and_each_phase_is_in_the_log(dire
     assert_gentle(run)
 
 
-@pytest.mark.parametrize(("payload_kg", "friction"), [(102.0, 0.41), (42.0, 0.43)])
-def test_it_leaves_a_flat_and_slippery_stair_without_sliding_off_its_nosings(payload_kg: float, friction: float) -> None:
-    """Test: 20°, friction 1.12 and 1.18 of its tangent. Expected result: no fall of the front from nosing to nosing.
+def test_it_leaves_a_flat_and_slippery_stair_without_sliding_off_its_nosings() -> None:
+    """Test: 20°, friction 1.12 of its tangent. Expected result: no fall of the front from nosing to nosing.
 
-    With the flipper at its rest, 40° above the belts, its pulley slid off the last nosing but one: 25 and 26 °/s, 6 m/s².
+    With the flipper at its rest, 40° above the belts, its pulley slid off the last nosing but one: 25 °/s, 6 m/s².
     """
-    stair = {"run_m": 0.338, "friction": (friction, 0.8 * friction), "steps": 11}
+    stair = {"run_m": 0.338, "friction": (0.41, 0.328), "steps": 11}
     start = {"place": "flight", "step": 8}
-    run = Trip(direction="down", slope_deg=20.0, stair=stair, chair={"payload_kg": payload_kg}, start=start).run(seed=3)
+    run = Trip(direction="down", slope_deg=20.0, stair=stair, chair={"payload_kg": 102.0}, start=start).run(seed=3)
     assert (run.verdict, phases(run)[-2:]) == ("arrived", ["leave", "arrived"])
     assert run.scores.max_pitch_rate_deg_s < 10.0
     assert run.scores.passenger_max_m_s2 < 2.5
