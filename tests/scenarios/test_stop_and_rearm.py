@@ -43,8 +43,8 @@ def ride(place: str, stopped_s: float) -> Traverse:
 def test_a_chair_that_was_stopped_goes_on_as_if_nothing_had_been(
     place: str, phase: str, stopped_s: float, *, half_way: bool
 ) -> None:
-    """Test: a stop of 10 s, longer than anything is waited for, in a phase, or half-way between landing and flight. Expected result:
-    one hold, the person's; it arrives, and pitches no faster after it than without."""
+    """Test: a stop of 10 s, longer than anything is waited for, in a phase, or half-way between landing and flight. Expected
+    result: one hold, the person's; it arrives, and pitches no faster after it than without."""
     run = ride(place, stopped_s)
     assert [(event.cause, event.t_s) for event in run.events if event.name == "hold"] == [
         ("operator stop", pytest.approx(stopped_s, abs=0.11))  # the handset speaks ten times a second
