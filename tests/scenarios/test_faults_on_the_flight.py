@@ -1,6 +1,6 @@
 """What fails on the flight, and what must then happen: the rows of docs/explanation/safety.md, in physical terms.
 
-The camera is the one without images. Each run waits for its flipper, drives on the flight for four
+The camera is the one without images. Each run waits for its flipper, drives on the flight for two
 seconds before something fails, and is watched for three after it holds.
 """
 
@@ -20,16 +20,16 @@ ENOUGH = 0.4
 
 WAITS_S = 2.6
 """Time until the flipper of a chair that wakes up on a flight is laid [s]."""
-AT_S = WAITS_S + 4.0
+AT_S = WAITS_S + 2.0
 
 
 fault = partial(faulty_runs.fault, at_s=AT_S, for_s=3.0)
 
 
 def ride(*faults: Fault, direction: str = "up", after_s: float = 3.0) -> Traverse:
-    """Drive on a flight of 28° until something holds the chair, or for twelve seconds of its way."""
+    """Drive on a flight of 28° until something holds the chair, or for ten seconds of its way."""
     step = 5 if direction == "up" else 15
-    return faulty_runs.ride(*faults, place="flight", direction=direction, step=step, until_s=WAITS_S + 12.0, after_s=after_s)
+    return faulty_runs.ride(*faults, place="flight", direction=direction, step=step, until_s=AT_S + 8.0, after_s=after_s)
 
 
 def declared(run: Traverse, name: str) -> float:
@@ -65,7 +65,7 @@ def stands_still(run: Traverse, *, within_s: float) -> None:
 
 
 def test_without_a_fault_nothing_holds() -> None:
-    """Test: nothing fails. Expected result: the chair drives for its twelve seconds, within a degree of square."""
+    """Test: nothing fails. Expected result: the chair drives for its ten seconds, within a degree of square."""
     for direction in ("up", "down"):
         run = ride(direction=direction)
         assert run.verdict == "time_up", run.cause
