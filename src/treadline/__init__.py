@@ -50,6 +50,9 @@ _GONE = {
     "camera_file": "treadline.scenario.camera_file",
     "core.aliases": "the present names: see the changelog of 0.4",
     "core.compile_cache": "treadline.core.kernel_cache",
+    "core.printed_dict": "treadline.core.printing",
+    "core.responses": "treadline.core.transfer_function",
+    "core.samples": "treadline.core.state_space",
     "core.model_methods": "treadline.core.models.LinearModel, which has the methods",
     "devices": "treadline.plant.sensors",
     "errors": "treadline.core.errors",
@@ -65,6 +68,7 @@ _GONE = {
     "ros.zenoh": "the ROS 2 package treadline_ros2",
     "settings": "treadline.core.settings",
     "setup": "treadline.run.resolve",
+    "vehicle.static_stability": "treadline.vehicle.verdict.static_margins, treadline.vehicle.bodies.centre_of_mass",
     "signals": "treadline.core.signals or treadline.core.camera_images",
     "sim": "treadline.plant.mujoco",
 }
