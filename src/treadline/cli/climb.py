@@ -52,7 +52,11 @@ def climb(
 
     claim(out, force=force)
     if picture is not None:
-        _require_film(plant, picture)
+        if plant != "gazebo":
+            raise SettingsError(
+                "--picture is drawn by Gazebo: add --plant gazebo; a run in MuJoCo is played by treadline report RUN"
+            )
+        choice("suffix of --picture", picture.suffix, (".webp", ".gif"))
         claim(picture, force=force, kind="file", option="--picture")
     report_compiling()
     with TemporaryDirectory() as images, SimulatedTime("climb") as progress:
@@ -91,17 +95,6 @@ def climb(
         ],
         code=0 if run.verdict in SUCCEEDED else 1,
     )
-
-
-def _require_film(plant: PlantName, picture: Path) -> None:
-    """Refuse a film that the simulator does not draw, or of an unknown format.
-
-    Raises:
-        SettingsError: If it is one.
-    """
-    if plant != "gazebo":
-        raise SettingsError("--picture is drawn by Gazebo: add --plant gazebo; a run in MuJoCo is played by treadline report RUN")
-    choice("suffix of --picture", picture.suffix, (".webp", ".gif"))
 
 
 def _write_film(images: Path, run: Path, picture: Path) -> None:

@@ -21,8 +21,6 @@ COMPILING_TEXT = (
 )
 LONG_S = 1.0
 """CPU time of compiling that counts as long [s]; loading every kernel from disk compiles nothing."""
-WAIT_S = 600.0
-"""Longest wait for another process that compiles [s]: ten times what it takes on a slow machine."""
 SCENARIO = """
 start = {place = "flight", step = 4, heading_deg = 5}
 drive.duration_s = 1
@@ -61,7 +59,8 @@ def compile_once() -> float | None:
     if marker.exists():
         return None
     marker.parent.mkdir(parents=True, exist_ok=True)
-    with closing(sqlite3.connect(marker.with_name("compiled.lock.nbs"), timeout=WAIT_S)) as lock:
+    # Ten minutes are ten times what the other process takes on a slow machine.
+    with closing(sqlite3.connect(marker.with_name("compiled.lock.nbs"), timeout=600.0)) as lock:
         lock.execute("BEGIN EXCLUSIVE")  # ends with the process, also with one that is killed
         if marker.exists():  # another process compiled while this one waited
             return None

@@ -14,7 +14,7 @@ from treadline.core.errors import SettingsError, TooFewSamples
 if TYPE_CHECKING:
     from treadline.core.model_scores import Comparison
     from treadline.core.models import InputOutputRecord, LinearModel
-    from treadline.identification import Gram, IdentificationOptions, IdentificationReport, Identified
+    from treadline.identification import Gram, IdentificationOptions, Identified
 
 STREAMED_BYTES = 256 * 1024**2
 """Size from which a CSV or Parquet file is read in chunks: some four million rows of five columns."""
@@ -255,7 +255,7 @@ def _answer(found: "Identified", asked: IdentifyOptions, written: dict[str, str]
     from treadline.core.printing import percent_text
     from treadline.io.records import clock_warning
 
-    report = found.report
+    report, vehicle = found.report, found.report.skid_steer
     fits = ", ".join(f"{name} {percent_text(value)}" for name, value in report.percent.items())
     ahead = ", ".join(f"{name} {percent_text(value)}" for name, value in report.one_step_vaf_percent.items())
     held_out = asked.validate is not None or asked.validate_on is not None
@@ -270,16 +270,11 @@ def _answer(found: "Identified", asked: IdentifyOptions, written: dict[str, str]
             f"fit on {'data held out' if held_out else 'the data that were fitted'}: {fits} (100 is perfect, 0 no better than the "
             f"mean); {report.fit_conditions}",
             f"one step ahead: {ahead} of the variance",
-            *_in_words(report),
+            *([] if vehicle is None else [", ".join(f"{name} {value}" for name, value in vehicle.in_words())]),
             f"written: {', '.join(dict.fromkeys(written.values()))}",
             *(f"warning: {warning}" for warning in warnings),
         ],
     )
-
-
-def _in_words(report: "IdentificationReport") -> list[str]:
-    """Return gauge, speed scales and lags of a skid-steer vehicle in a line."""
-    return [] if report.skid_steer is None else [", ".join(f"{name} {value}" for name, value in report.skid_steer.in_words())]
 
 
 def _counted(found: "Identified") -> str:

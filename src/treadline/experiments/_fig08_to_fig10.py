@@ -41,7 +41,6 @@ from treadline.run.excitation_run import PERIOD_S, excite
 from treadline.run.resolve import Opener, PlantName
 from treadline.scenario.scenario import Scenario
 
-PAPER_LABEL = {30: "anticlockwise", -30: "clockwise"}
 KINDS = {"climb-safe": ("turn", "Table II"), "paper": ("turn-rollback", "Table II with roll-back allowed")}
 """Kind and title by allocation: the one that keeps the chair from sliding, and the one that lets it slide for a faster turn."""
 FIG09_KEYS = (
@@ -149,7 +148,7 @@ def _row(friction: Friction, slope: int, start: int, runs: list[dict[str, Any]])
         "slope_deg": slope,
         "friction": list(friction),
         "start_heading_deg": start,
-        "paper_label": PAPER_LABEL[start],
+        "paper_label": "anticlockwise" if start > 0 else "clockwise",
         "rms_heading_deg": mean("rms_heading_deg"),
         "sd": float(np.std(rms, ddof=1)) if len(rms) > 1 else None,
         "rms_yaw_deg": mean("rms_yaw_deg"),

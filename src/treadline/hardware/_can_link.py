@@ -160,7 +160,7 @@ class CanSimpleLink:
         """Keep what a message reports."""
         axis = self._axes[message.arbitration_id >> simple.COMMAND_BITS]
         command, content = message.arbitration_id & ((1 << simple.COMMAND_BITS) - 1), bytes(message.data)
-        if len(content) != simple.CONTENT_BYTES and command != CanCommand.SET_AXIS_STATE:
+        if len(content) != simple.FLOATS.size and command != CanCommand.SET_AXIS_STATE:
             return
         match command:
             case CanCommand.HEARTBEAT:

@@ -16,13 +16,11 @@ VELOCITY_CONTROL, VELOCITY_RAMP = 2, 2
 WATCHDOG_EXPIRED, ESTOP_REQUESTED = 0x100_0000, 0x200_0000
 """Bits of the error of an axis."""
 FLOATS = struct.Struct("<ff")
-"""Two numbers: velocity and torque, position and velocity, voltage and current."""
+"""Two numbers: velocity and torque, position and velocity, voltage and current; each report of a drive has this length."""
 WORD, WORDS = struct.Struct("<I"), struct.Struct("<II")
 HEARTBEAT = struct.Struct("<IBBBx")
 """Error, state, result of the last procedure, end of the trajectory."""
 COMMAND_BITS = 5
-CONTENT_BYTES = 8
-"""Length of each report of a drive."""
 
 
 class CanCommand(IntEnum):

@@ -37,15 +37,12 @@ def open_links(requests: Mapping[str, Any], limits: DriveLimits) -> dict[str, An
             more = {"limits": limits} if port == "drives" else {}
             shared = links.get(request["class"])
             links[port] = shared or opened.enter_context(closing(open_driver(port, request, **more)))
-            _check_protocol(port, links[port])
+            wanted = [name for name in dir(PROTOCOLS[port]) if not name.startswith("_") and not hasattr(links[port], name)]
+            if wanted:
+                kind = type(links[port]).__name__
+                raise LinkError(f"{port}: {kind} has no {', '.join(wanted)}(); see treadline.hardware.ports")
         opened.pop_all()
     return links
-
-
-def _check_protocol(port: str, link: Any) -> None:
-    wanted = [name for name in dir(PROTOCOLS[port]) if not name.startswith("_") and not hasattr(link, name)]
-    if wanted:
-        raise LinkError(f"{port}: {type(link).__name__} has no {', '.join(wanted)}(); see treadline.hardware.ports")
 
 
 def open_driver(table: str, request: Mapping[str, Any], **more: Any) -> Any:

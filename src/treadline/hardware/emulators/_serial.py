@@ -17,8 +17,6 @@ from treadline.hardware.emulators._firmware import DriveBox, Inputs
 TICK_MS = round(1000 * TICK_S)
 SOUND = Inputs(dead_man=True, stop=False, drive_error=0)
 """Inputs of a box without switches at its drives."""
-SECOND_HOST = 0
-"""Sender of the other program; a link draws its own above zero."""
 
 
 class Terminal:
@@ -95,4 +93,5 @@ class SerialBox:
         """Yield the frames that reach the box."""
         yield from self._line.carry(self._terminal.read(), t_s)
         if self._faults.once("second_host", t_s):
-            yield HostMessage(kind=Kind.HOLD, sender=SECOND_HOST, sequence=0, stamp_ms=now_ms).frame()
+            # The sender of another program; a link draws its own above zero.
+            yield HostMessage(kind=Kind.HOLD, sender=0, sequence=0, stamp_ms=now_ms).frame()
