@@ -82,8 +82,13 @@ def marker_path() -> Path:
     from treadline.core.errors import TreadlineError
     from treadline.core.kernel_cache import REMEDY
 
-    host: Any = binding  # llvmlite has no type hints
-    parts = [numba.__version__, llvmlite.__version__, sys.version, host.get_host_cpu_name(), host.get_host_cpu_features().flatten()]
+    parts = [
+        numba.__version__,
+        llvmlite.__version__,
+        sys.version,
+        binding.get_host_cpu_name(),
+        binding.get_host_cpu_features().flatten(),
+    ]
     for path in kernel_sources():
         source = path.stat()
         parts.append(f"{path}:{source.st_mtime_ns}:{source.st_size}")
