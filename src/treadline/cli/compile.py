@@ -82,16 +82,11 @@ def marker_path() -> Path:
     from treadline.core.errors import TreadlineError
     from treadline.core.kernel_cache import REMEDY
 
-    parts = [
-        numba.__version__,
-        llvmlite.__version__,
-        sys.version,
-        binding.get_host_cpu_name(),
-        binding.get_host_cpu_features().flatten(),
-    ]
+    parts = [numba.__version__, llvmlite.__version__, sys.version]
+    parts += [binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten()]
     for path in kernel_sources():
-        source = path.stat()
-        parts.append(f"{path}:{source.st_mtime_ns}:{source.st_size}")
+        stamp = path.stat()
+        parts.append(f"{path}:{stamp.st_mtime_ns}:{stamp.st_size}")
     try:
         place: Any = numba.njit(cache=True)(marker_path).stats.cache_path  # where numba keeps the kernels of this folder
     except RuntimeError:
