@@ -84,9 +84,8 @@ def marker_path() -> Path:
 
     parts = [numba.__version__, llvmlite.__version__, sys.version]
     parts += [binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten()]
-    for path in kernel_sources():
-        stamp = path.stat()
-        parts.append(f"{path}:{stamp.st_mtime_ns}:{stamp.st_size}")
+    stamps = {path: path.stat() for path in kernel_sources()}
+    parts += [f"{path}:{stamp.st_mtime_ns}:{stamp.st_size}" for path, stamp in stamps.items()]
     try:
         place: Any = numba.njit(cache=True)(marker_path).stats.cache_path  # where numba keeps the kernels of this folder
     except RuntimeError:
