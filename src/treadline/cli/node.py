@@ -64,7 +64,7 @@ def node(
         wait: Let the driver stand, so that /cmd_vel moves the chair.
         out: Run folder, or .mcap, .bag or .db3 file, that the recorder writes.
     """
-    from treadline.ros.assembly import driving_nodes, node_of
+    from treadline.ros.assembly import driving_nodes, node_of, reject_unknown
     from treadline.ros.node_process import NodeRunner, run_plant
     from treadline.ros.plant_node import PlantNode
     from treadline.ros.recorder import RecorderNode
@@ -72,6 +72,7 @@ def node(
 
     if transport == "inproc":
         raise SettingsError("--transport inproc: one node alone hears nobody; treadline nodes runs all in one process")
+    reject_unknown(name)
     check_times(pace=pace, duration=duration, patience=patience)
     if out is not None:
         claim(out, force=force, kind="either")

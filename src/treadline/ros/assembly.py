@@ -41,6 +41,16 @@ def mount_of(config: MissionConfig) -> PinholeCamera:
     return config.chair.camera_at(rear=config.direction == "down")
 
 
+def reject_unknown(name: str) -> None:
+    """Reject a name that no node has.
+
+    Raises:
+        SettingsError: If it is one.
+    """
+    if name not in NAMES:
+        raise SettingsError(f"no node is called '{name}'; there are: {', '.join(NAMES)}")
+
+
 def node_of(
     name: str,
     config: MissionConfig,
@@ -59,6 +69,7 @@ def node_of(
     Raises:
         SettingsError: If there is no such node, or it lacks what it needs.
     """
+    reject_unknown(name)
     blocks = build_blocks(config)
     limits: GuardConfig = guard_config(config, blocks.driver.period_s)
     if name == "plant":
@@ -81,6 +92,4 @@ def node_of(
             return SeatNode(blocks.leveller, limits)
         case "driver":
             return GoalDriverNode(config, limits) if goals else DriverNode(blocks.planner, blocks.driver, limits)
-        case "recorder":
-            return RecorderNode(out, blocks.driver.period_s)
-    raise SettingsError(f"no node is called '{name}'; there are: {', '.join(NAMES)}")
+    return RecorderNode(out, blocks.driver.period_s)
