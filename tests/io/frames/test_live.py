@@ -214,15 +214,6 @@ def test_ctrl_c_ends_a_live_view_with_its_summary(plugged_in, frame, capsys) -> 
     assert camera.closed == 1
 
 
-def test_a_rejected_frame_shows_its_reason(plugged_in, frame, capsys) -> None:
-    wall = replace(frame, depth_m=np.full_like(frame.depth_m, 1.5))
-    plugged_in(images_at(stamps(3), wall))
-    main(["see", "--live", "realsense", "--seconds", "0.05"])
-    said = capsys.readouterr()
-    assert "no heading: " in said.err
-    assert "rejected 3: " in said.out
-
-
 def test_lines_are_written_once_a_second_where_no_person_watches(capsys) -> None:
     times = iter([0.0, 0.0, 0.5, 1.2, 1.2])
     line = StatusLine(clock=lambda: next(times))
