@@ -83,9 +83,7 @@ def test_a_typed_time_and_a_clicked_moment_move_the_cursor_and_stay(replay: Any)
     assert replay.t_s == 1.25
     assert float(box.get_attribute("value")) == 1.25
     replay.click("Events")
-    replay.until(
-        lambda: replay.driver.execute_script("return [...document.querySelectorAll('tr[data-jump]')].at(-1)"), "a row"
-    ).click()
+    replay.until(lambda: replay.run("return [...document.querySelectorAll('tr[data-jump]')].at(-1)"), "a row").click()
     replay.until(lambda: replay.t_s == 0.0, "the beginning of the phase")
     replay.until(lambda: float(box.get_attribute("value")) == 0.0, "the same time in the box")
 
@@ -95,9 +93,9 @@ def test_the_scene_has_half_of_a_small_window_and_the_timeline_all_of_it(replay:
     width = "return document.documentElement.clientWidth"
     replay.driver.set_window_size(1100, 800)
     scene = "return Math.max(...[...document.querySelectorAll('canvas')].map(c => c.parentElement.getBoundingClientRect().width))"
-    replay.until(lambda: replay.driver.execute_script(scene) >= 0.5 * replay.driver.execute_script(width), "half of the window")
-    timeline = replay.driver.execute_script("return document.getElementById('timeline').getBoundingClientRect().width")
-    assert timeline == pytest.approx(replay.driver.execute_script(width), abs=1.0)
+    replay.until(lambda: replay.run(scene) >= 0.5 * replay.run(width), "half of the window")
+    timeline = replay.run("return document.getElementById('timeline').getBoundingClientRect().width")
+    assert timeline == pytest.approx(replay.run(width), abs=1.0)
     replay.driver.set_window_size(1440, 900)
 
 
@@ -228,12 +226,12 @@ def test_the_chair_follows_the_keys_while_the_dead_man_switch_is_held(driving: A
 
 def test_the_chair_follows_a_gamepad_while_its_shoulder_button_is_held(driving: Any) -> None:
     """Test: stick forward without and with the right shoulder button. Expected: motion with the button only."""
-    driving.driver.execute_script(GAMEPAD)
-    driving.driver.execute_script(PUSHED, False)
+    driving.run(GAMEPAD)
+    driving.run(PUSHED, False)
     start_m = place_at_rest(driving)
-    driving.driver.execute_script(PUSHED, True)
+    driving.run(PUSHED, True)
     driving.until(lambda: drives_from(driving, start_m), "a chair that drives", SLOWLY_DRAWN_S)
-    driving.driver.execute_script(PUSHED, False)
+    driving.run(PUSHED, False)
     driving.sees("HOLD since .*\n?.*operator stop")
 
 
@@ -242,7 +240,7 @@ def test_a_narrow_page_shows_scene_and_stop(page: Any, live: str) -> None:
     with narrow(page):
         page.driver.get(live)
         page.until_it_runs()
-        top = page.driver.execute_script(
+        top = page.run(
             "const stop = [...document.querySelectorAll('button')].find(b => b.innerText.trim() === 'STOP');"
             "const { top, bottom, width } = stop.getBoundingClientRect();"
             "return [top, bottom, width, innerWidth, innerHeight, document.documentElement.scrollWidth];"
@@ -264,8 +262,7 @@ def whole(page: Any) -> np.ndarray:
 
 @contextlib.contextmanager
 def narrow(page: Any) -> Iterator[None]:
-    size = {"width": 390, "height": 844, "deviceScaleFactor": 1, "mobile": True}
-    page.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    page.resize(390, 844)
     try:
         yield
     finally:

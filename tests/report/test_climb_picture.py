@@ -1,15 +1,13 @@
 """The moving picture: the scene of the player, frame by frame."""
 
-
 import numpy as np
 import pytest
 from climb_picture import render
+from web_page import CHROMIUM
 
 from treadline.core.errors import SettingsError
 from treadline.playback import Recording
 from treadline.vehicle.film_camera import SIZE_PX
-
-from .conftest import CHROMIUM
 
 
 def test_without_a_browser_the_error_names_the_package(recording: Recording, monkeypatch: pytest.MonkeyPatch) -> None:

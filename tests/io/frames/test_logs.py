@@ -13,7 +13,7 @@ from frame_files import add_cloud, points_of_frame, write_calibration
 
 from treadline.cli import main
 from treadline.core.camera_images import NamedFrame, PinholeCamera, RgbdFrame
-from treadline.core.errors import ImageError, LogFormatError
+from treadline.core.errors import ImageError
 from treadline.io.frames import read_frames
 from treadline.io.frames._recorded_frames import FramesOfLog
 from treadline.io.frames.evaluation import FrameEvaluator
@@ -134,14 +134,6 @@ def test_repeated_stamps_and_images_before_a_calibration_are_left_out_and_counte
         f"1 of 6 messages on {DEPTH} have no later stamp than the one before and were left out",
         "1 of 6 depth images come before the first calibration and were left out",
     ]
-
-
-@pytest.mark.parametrize(("share", "words"), [(0.0, "empty"), (0.5, r"cut\.mcap: not a whole log")])
-def test_a_log_that_is_cut_is_refused(walk: Walk, tmp_path: Path, share: float, words: str) -> None:
-    whole = walk(WALL).write(tmp_path / "walk.mcap").read_bytes()
-    (tmp_path / "cut.mcap").write_bytes(whole[: int(share * len(whole))])
-    with pytest.raises(LogFormatError, match=words):
-        read_frames(tmp_path / "cut.mcap")
 
 
 @pytest.mark.parametrize("ending", [".csv", ".jsonl"])
