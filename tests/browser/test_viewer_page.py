@@ -1,10 +1,7 @@
 """The page of ``treadline view`` in a real browser: scene, controls, access, and clients that come and go."""
 
 import contextlib
-import functools
-import http.server
 import io
-import threading
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -97,29 +94,6 @@ def test_the_scene_has_half_of_a_small_window_and_the_timeline_all_of_it(replay:
     timeline = replay.run("return document.getElementById('timeline').getBoundingClientRect().width")
     assert timeline == pytest.approx(replay.run(width), abs=1.0)
     replay.driver.set_window_size(1440, 900)
-
-
-def test_a_wrong_token_and_a_foreign_page_are_refused(page: Any, recorded: str, tmp_path: Any) -> None:
-    """Test: another path, and a page of another origin that knows the address. Expected: no page, no WebSocket, no answer."""
-    parts = urlsplit(recorded)
-    page.driver.get(f"http://{parts.netloc}/wrong/")
-    page.sees("the token is missing or wrong")
-    handler = functools.partial(http.server.SimpleHTTPRequestHandler, directory=str(tmp_path))
-    (tmp_path / "index.html").write_text("<title>foreign</title>")
-    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as foreign:
-        threading.Thread(target=foreign.serve_forever, daemon=True).start()
-        page.driver.get(f"http://127.0.0.1:{foreign.server_port}/")
-        outcome = page.driver.execute_async_script(
-            "const done = arguments[1]; const s = new WebSocket(arguments[0].replace('http', 'ws'));"
-            "s.onopen = () => done('open'); s.onerror = () => done('refused');",
-            recorded.rstrip("/"),
-        )
-        assert outcome == "refused"
-        read = page.driver.execute_async_script(
-            "const done = arguments[1]; fetch(arguments[0]).then(() => done('read'), () => done('refused'));", recorded
-        )
-        assert read == "refused"
-        foreign.shutdown()
 
 
 def test_stop_rearm_and_a_fault_reach_the_chair_and_two_clients_see_it(page: Any, make_page: Callable[[], Any], live: str) -> None:

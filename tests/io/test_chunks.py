@@ -115,12 +115,3 @@ def test_a_file_without_lines_is_not_held_in_memory(tmp_path: Path, monkeypatch:
     (tmp_path / "log.csv").write_bytes(b"1" * 100_000)
     with pytest.raises(LogFormatError, match="longer than 8000 characters"):
         list(read_chunks(tmp_path / "log.csv", ("u",), ("y",)))
-
-
-@pytest.mark.usefixtures("tiny_blocks")
-@pytest.mark.parametrize("text", ["+1", "1_0", " 2 ", "1e3", ".5", "5.", "-0", "1e-320", "0.1e1", "1234567890123456"])
-def test_numbers_are_those_of_pythons_float(tmp_path: Path, text: str) -> None:
-    lines = ["t_s,u,y", *[f"{0.25 * i},{i},{text}" for i in range(20)]]
-    (tmp_path / "log.csv").write_text("\n".join(lines))
-    (part,) = read_chunks(tmp_path / "log.csv", ("u",), ("y",))
-    assert part.y.tobytes() == np.full((20, 1), float(text)).tobytes()
