@@ -18,6 +18,8 @@ from treadline.core import errors
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.signals import ImuSample
 from treadline.io.frames import read_frames
+from treadline.io.frames._recorded_frames import FramesOfLog
+from treadline.io.frames.point_cloud import FrameOptions
 from treadline.io.sensor_log import SensorLog
 
 READ, REFUSED = tomllib.loads(Path(__file__).with_name("recordings.toml").read_text(encoding="utf-8")).values()
@@ -60,7 +62,17 @@ def written(recording, tmp_path: Path) -> Callable[[dict[str, Any]], Path]:
     return write
 
 
-@pytest.mark.parametrize("name", READ)
+@pytest.mark.parametrize("name", [name for name, case in READ.items() if "frames" in case])
+def test_frames_of_a_recording_are_chosen_and_what_is_left_out_is_counted(written, name: str) -> None:
+    expected = dict(READ[name]["frames"])
+    source = FramesOfLog(written(READ[name]), FrameOptions(topic=expected.pop("named", None)))
+    frames = list(source) if expected.keys() - {"topic"} else []
+    colours = sum(named.has_colour for named in frames)
+    found = {"count": len(frames), "colours": colours, "topic": source.topic, "warnings": source.warnings}
+    assert {key: found[key] for key in expected} == expected
+
+
+@pytest.mark.parametrize("name", [name for name, case in READ.items() if "gives" in case])
 def test_sensor_readings_of_a_recording_are_chosen_checked_and_counted(written, name: str) -> None:
     case, events = READ[name], []
     log = SensorLog(written(case), **case.get("options", {}))
