@@ -33,18 +33,18 @@ DTYPES = {"16UC1": (np.uint16, ()), "mono16": (np.uint16, ()), "32FC1": (np.floa
 def add(log: Any, role: str, topic: str, width: int = 0, height: int = 0, what: str = "1 0", *times: float) -> None:
     """Add a message of the table to a recording."""
     t_s, *logged = times or (0.0,)
+    options = {"logged_s": logged[0]} if logged else {}
     match role:
         case "imu":
             w, rate = map(float, what.split())
-            options = {"logged_s": logged[0]} if logged else {}
             log.imu(topic, t_s, (w, 0.0, 0.0, 0.0), (0.0, rate, 0.0), (0.0, 0.0, 9.81), **options)
         case "info":
             lens = {"fx_px": float(what), "fy_px": float(what), "cx_px": 15.5, "cy_px": 11.5}
-            log.calibration(topic, t_s, PinholeCamera(width_px=width, height_px=height, **lens))
+            log.calibration(topic, t_s, PinholeCamera(width_px=width, height_px=height, **lens), **options)
         case "image":
             encoding, value = what.split()
             kind, more = DTYPES[encoding]
-            log.image(topic, t_s, np.full((height, width, *more), float(value), kind), encoding)
+            log.image(topic, t_s, np.full((height, width, *more), float(value), kind), encoding, **options)
         case "cloud":
             add_cloud(log, topic, t_s, np.ones((int(what), 3)), (width, height))
 
@@ -86,6 +86,8 @@ def test_sensor_readings_of_a_recording_are_chosen_checked_and_counted(written, 
         "ended": log.ended or "",
     }
     assert {key: found[key] for key in case["gives"]} == case["gives"]
+    times = [signal.t_s for signal in signals]
+    assert times == sorted(times)
 
 
 @pytest.mark.parametrize(

@@ -144,18 +144,6 @@ def test_without_colour_the_picture_is_black(recording, tmp_path: Path) -> None:
     assert [frame.rgb.any() for frame in of(RgbdFrame, signals)] == [False] * 5
 
 
-def test_topics_that_arrive_late_are_put_in_the_order_of_their_stamps(recording, tmp_path: Path) -> None:
-    log = fill(recording(), seconds=1.0, leave=("depth", "info", "color"))
-    for t_s in np.arange(10) / 10.0:  # frames are logged 150 ms after they were taken
-        log.image(NAMES["depth"], t_s, DEPTH, "16UC1", logged_s=t_s + 0.15)
-        log.calibration(NAMES["info"], t_s, CAMERA, logged_s=t_s + 0.15)
-    log.messages.sort(key=lambda message: message[1])
-    _, signals, events = played(log.write(tmp_path / "log.mcap"))
-    times = [signal.t_s for signal in signals]
-    assert times == sorted(times)
-    assert (len(of(RgbdFrame, signals)), events) == (10, [])
-
-
 def test_stamps_that_were_never_set_are_the_time_of_logging(recording, tmp_path: Path) -> None:
     log = recording()
     for tick in range(5):

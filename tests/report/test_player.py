@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from page_text import unpacked
 
 from treadline.playback import Recording
-from treadline.report._html import packed, packed_indices
+from treadline.report._html import packed
 from treadline.report._player_data import creases, scene_of, uniform
 from treadline.report.player_page import write_player
 from treadline.scenario.chair import read_chair
@@ -38,11 +38,6 @@ def test_packed_numbers_come_back_within_half_a_step(values: list[float]) -> Non
     np.testing.assert_array_equal(np.isnan(back), np.isnan(table))
     # Half a step, and the rounding of the product.
     np.testing.assert_allclose(back[np.isfinite(back)], known, atol=0.5 * step * (1 + 1e-6) + 1e-12)
-
-
-def test_a_mesh_beyond_16_bits_is_refused() -> None:
-    with pytest.raises(ValueError, match="16 bits"):
-        packed_indices(np.array([0, 65536]))
 
 
 def test_creases_of_a_box_are_its_twelve_edges_and_of_a_cylinder_its_rims() -> None:
