@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from web_page import CHROMIUM, DRIVER, Page, opened
+from web_page import CHROMIUM, DRIVER, Page, drivers
 
 COMPILING_S = 300.0
 """Longest wait for the start of a simulation [s]: on an empty cache its kernels are compiled first."""
@@ -77,8 +77,8 @@ class ViewerPage(Page):
 
 @pytest.fixture(scope="session")
 def make_page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[], ViewerPage]]:
-    with opened(ViewerPage, tmp_path_factory, "--disable-quic", "--window-size=1440,900") as make:
-        yield make
+    with drivers(tmp_path_factory, "--disable-quic", "--window-size=1440,900") as make:
+        yield lambda: ViewerPage(make())
 
 
 @pytest.fixture(scope="session")

@@ -1,6 +1,5 @@
 """The page of ``treadline view`` in a real browser: scene, controls, access, and clients that come and go."""
 
-import contextlib
 import io
 import time
 from collections.abc import Callable, Iterator
@@ -18,8 +17,8 @@ SCENE = (400, 200, 1020, 740)
 
 
 def scene_of(page: Any) -> np.ndarray:
-    picture = Image.open(io.BytesIO(page.driver.get_screenshot_as_png())).convert("RGB")
-    return np.asarray(picture.crop(SCENE), dtype=float)
+    left, upper, right, lower = SCENE
+    return whole(page)[upper:lower, left:right]
 
 
 def _drawn(page: Any) -> np.ndarray | None:
@@ -211,7 +210,8 @@ def test_the_chair_follows_a_gamepad_while_its_shoulder_button_is_held(driving: 
 
 def test_a_narrow_page_shows_scene_and_stop(page: Any, live: str) -> None:
     """Test: a phone of 390 by 844 px. Expected: STOP in view, the panels over less than half of the page, the scene drawn above."""
-    with narrow(page):
+    page.resize(390, 844)
+    try:
         page.driver.get(live)
         page.until_it_runs()
         top = page.run(
@@ -224,6 +224,8 @@ def test_a_narrow_page_shows_scene_and_stop(page: Any, live: str) -> None:
         assert width > 0.9 * page_px
         assert scroll_px == page_px == 390
         page.until(lambda: colours(whole(page)[150:430]) > 40, "a drawn scene above the panels")
+    finally:
+        page.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
 
 
 def colours(pixels: np.ndarray) -> int:
@@ -232,12 +234,3 @@ def colours(pixels: np.ndarray) -> int:
 
 def whole(page: Any) -> np.ndarray:
     return np.asarray(Image.open(io.BytesIO(page.driver.get_screenshot_as_png())).convert("RGB"), dtype=float)
-
-
-@contextlib.contextmanager
-def narrow(page: Any) -> Iterator[None]:
-    page.resize(390, 844)
-    try:
-        yield
-    finally:
-        page.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})

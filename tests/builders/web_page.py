@@ -6,7 +6,7 @@ import shutil
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any, TypeVar
+from typing import Any
 
 import pytest
 from climb_picture import HEADLESS
@@ -61,25 +61,22 @@ class Page:
         return asked
 
 
-AnyPage = TypeVar("AnyPage", bound=Page)
-
-
 @contextmanager
-def opened(kind: type[AnyPage], folders: pytest.TempPathFactory, *options: str) -> Iterator[Callable[[], AnyPage]]:
-    """Yield a function that opens a browser with a profile of its own."""
+def drivers(folders: pytest.TempPathFactory, *options: str) -> Iterator[Callable[[], Any]]:
+    """Yield a function that opens a browser with a profile of its own, and returns its driver."""
     from selenium import webdriver
 
-    drivers = []
+    opened = []
 
-    def make() -> AnyPage:
+    def make() -> Any:
         chosen = webdriver.ChromeOptions()
         chosen.binary_location = CHROMIUM
         for option in (*HEADLESS, *options, f"--user-data-dir={folders.mktemp('profile')}"):
             chosen.add_argument(option)
         chosen.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-        drivers.append(webdriver.Chrome(options=chosen, service=webdriver.ChromeService(DRIVER)))
-        return kind(drivers[-1])
+        opened.append(webdriver.Chrome(options=chosen, service=webdriver.ChromeService(DRIVER)))
+        return opened[-1]
 
     yield make
-    for driver in drivers:
+    for driver in opened:
         driver.quit()

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
-from web_page import CHROMIUM, DRIVER, Page, opened
+from web_page import CHROMIUM, DRIVER, Page, drivers
 from world import stair, truth
 
 from treadline.core.angles import DEG
@@ -205,5 +205,5 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PlayerPage]:
     if CHROMIUM is None or DRIVER is None:
         pytest.skip("needs Debian's chromium and chromium-driver")
     pytest.importorskip("selenium.webdriver", reason="selenium drives the browser")
-    with opened(PlayerPage, tmp_path_factory) as make:
-        yield make()
+    with drivers(tmp_path_factory) as make:
+        yield PlayerPage(make())
