@@ -10,7 +10,7 @@ from treadline.campaign.spec import Spec, read_spec
 
 sys.path.insert(0, str(Path(__file__).parent))  # spawned processes import the episode functions by module name
 
-SMALL = Path(__file__).with_name("small.toml")
+SMALL = Path(__file__).with_name("spec.toml")
 
 
 @pytest.fixture

@@ -138,12 +138,6 @@ def test_depth_in_metres_or_millimetres_of_either_byte_order_is_the_same(
     np.testing.assert_allclose(frame.depth_m.ravel()[1:23], DEPTH.ravel()[1:23] / 1000.0, rtol=1e-6)
 
 
-def test_without_colour_the_picture_is_black(recording, tmp_path: Path) -> None:
-    log, signals, _ = played(fill(recording(), leave=("color",)).write(tmp_path / "log.mcap"))
-    assert log.topics.color is None
-    assert [frame.rgb.any() for frame in of(RgbdFrame, signals)] == [False] * 5
-
-
 def test_stamps_that_were_never_set_are_the_time_of_logging(recording, tmp_path: Path) -> None:
     log = recording()
     for tick in range(5):

@@ -121,7 +121,9 @@ def write_run(
 ) -> Path:
     """Write the folder of a run with a log of one second; ``result`` changes its scores."""
     write_series(folder, 10.0)
-    write_log(folder, events=events)
+    with RunLog(folder / "log.mcap") as log:
+        for signal in (*truths_of_a_climb(1.0), *(Event(**event) for event in events)):
+            log(signal)
     scored = {"verdict": "held", "cause": "no command", "rms_heading_deg": 1.234, "events": [*events], "settle_s": None}
     manifest = {"settings": settings or {"stair": {"slope_deg": 28.0, "steps": 10}}, "seed": 3, "command": command}
     (folder / "result.json").write_text(json.dumps(scored | result), encoding="utf-8")
@@ -145,15 +147,6 @@ def truths_of_a_climb(seconds: float) -> list[Truth]:
         turn = {"heading_rad": 3.0 * DEG * math.cos(t_s), "pitch_rad": SLOPE_RAD, "stability_margin_rad": margin_rad}
         found.append(truth(t_s, **place, **moves, **turn))
     return found
-
-
-def write_log(folder: Path, *, seconds: float = 1.0, events: Sequence[Mapping[str, Any]] = ()) -> None:
-    """Write the log of a climb."""
-    with RunLog(folder / "log.mcap") as log:
-        for sample in truths_of_a_climb(seconds):
-            log(sample)
-        for event in events:
-            log(Event(**event))
 
 
 def climbing(*, seconds: float = 6.0, cause: str = HOSTILE) -> Recording:

@@ -9,13 +9,11 @@ from treadline.report.player_page import write_player
 
 from .conftest import PlayerPage
 
-WIDTH_PX = 390
-
 
 @pytest.fixture(scope="module")
 def phone(browser: PlayerPage, recording: Recording, tmp_path_factory: pytest.TempPathFactory) -> PlayerPage:
     browser.driver.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": True, "maxTouchPoints": 2})
-    browser.open(write_player(recording, tmp_path_factory.mktemp("phone") / "run.html"), width_px=WIDTH_PX)
+    browser.open(write_player(recording, tmp_path_factory.mktemp("phone") / "run.html"), width_px=390)
     return browser
 
 

@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -166,30 +166,15 @@ def test_unknown_cameras_are_refused_with_the_list(name: str) -> None:
         camera_by_name(name)
 
 
-@pytest.fixture
-def frame(rendered) -> RgbdFrame:
-    """Return a frame from a flight."""
-    return rendered()
+def test_the_command_shows_a_line_and_the_newest_picture_and_ends_at_ctrl_c(rendered, monkeypatch, capsys, tmp_path: Path) -> None:
+    frame, table = rendered(), tmp_path / "walk.jsonl"
 
-
-@pytest.fixture
-def plugged_in(monkeypatch: pytest.MonkeyPatch, frame) -> Callable[[Iterable[CameraImages]], FakeCamera]:
-    """Plug a fake camera in under every name."""
-
-    def plug(images: Iterable[CameraImages]) -> FakeCamera:
-        camera = FakeCamera(replace(frame.camera, mount_pitch_rad=0.0, mount_m=(0.0, 0.0, 0.0)), images)
-        monkeypatch.setattr("treadline.io.live.camera_by_name", lambda _name: camera)
-        return camera
-
-    return plug
-
-
-def test_the_command_shows_a_line_and_the_newest_picture_and_ends_at_ctrl_c(plugged_in, frame, capsys, tmp_path: Path) -> None:
     def interrupted() -> Iterator[CameraImages]:
         yield from (replace(item, rgb=frame.rgb, rgb_t_s=item.t_s) for item in images_at(stamps(31), frame))
         raise KeyboardInterrupt
 
-    camera, table = plugged_in(interrupted()), tmp_path / "walk.jsonl"
+    camera = FakeCamera(replace(frame.camera, mount_pitch_rad=0.0, mount_m=(0.0, 0.0, 0.0)), interrupted())
+    monkeypatch.setattr("treadline.io.live.camera_by_name", lambda _: camera)
     words = ["see", "--live", "realsense", "--out", str(tmp_path / "seen"), "--headings", str(table), "--json"]
     assert main(words) == 0
     said = capsys.readouterr()
