@@ -36,8 +36,7 @@ def fill(log: Any, *, seconds: float = 0.5, leave: tuple[str, ...] = ()) -> Any:
     """Record 100 Hz of IMU and 10 Hz of frames."""
     for tick in range(round(seconds * 100)):
         t_s = 0.01 * tick
-        if "imu" not in leave:
-            log.imu(NAMES["imu"], t_s, LEVEL, (0.0, 0.0, 0.001 * tick), WEIGHT)
+        log.imu(NAMES["imu"], t_s, LEVEL, (0.0, 0.0, 0.001 * tick), WEIGHT)
         if tick % 10 == 0:
             if "info" not in leave:
                 log.calibration(NAMES["info"], t_s, CAMERA)

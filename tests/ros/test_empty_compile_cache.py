@@ -21,12 +21,11 @@ from treadline.plant.mujoco import open_plant
 
 clock = compiling()
 setup = resolve("{scenario}")
-settings, config = setup.scenario, setup.mission
-node, bus = node_of("camera", config), InProcess()
+node, bus = node_of("camera", setup.mission), InProcess()
 node.listen(bus)
 seen = []
 bus.subscribe(on.MEASURED, seen.append)
-plant = open_plant(settings, 0)
+plant = open_plant(setup.scenario, 0)
 plant.start()
 warmed_s, spent_s = clock.spent_s, 0.0
 for tick in range(60):

@@ -18,8 +18,6 @@ from treadline.io.frames import read_frames
 from treadline.io.frames.evaluation import FrameEvaluator
 
 RATE_HZ = 30.0
-ENDINGS = [".mcap", ".bag", ""]
-"""MCAP of ROS 2, bag of ROS 1, folder of a bag of ROS 2."""
 COUNT = 3
 WALL = RgbdFrame(
     t_s=0.0,
@@ -62,7 +60,7 @@ def direct(frame) -> float:
     return heading
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize("ending", [".mcap", ".bag", ""])  # MCAP of ROS 2, bag of ROS 1, folder of a bag of ROS 2
 def test_depth_images_and_clouds_of_a_log_give_the_heading_of_their_frame(
     walk: Walk, recording, frame, tmp_path: Path, ending: str
 ) -> None:
