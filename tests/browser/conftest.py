@@ -4,25 +4,18 @@ import json
 import os
 import queue
 import re
-import shutil
 import signal
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
-from climb_picture import HEADLESS
+from web_page import CHROMIUM, DRIVER, Page, drivers
 
-CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
-OPTIONS = (*HEADLESS, "--disable-quic", "--window-size=1440,900")
-"""Flags of Chromium."""
-PATIENCE_S = 40.0
-"""Longest wait for anything on the page [s]: two loaded cores draw the scene in software."""
 COMPILING_S = 300.0
 """Longest wait for the start of a simulation [s]: on an empty cache its kernels are compiled first."""
 
@@ -38,30 +31,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.skip(reason=reason))
 
 
-class Page:
-    """Page in the browser."""
-
-    def __init__(self, driver: Any) -> None:
-        self.driver = driver
-
-    def text(self) -> str:
-        return str(self.driver.execute_script("return document.body ? document.body.innerText : ''"))
-
-    def until(self, wanted: Callable[[], Any], what: str, patience_s: float = PATIENCE_S) -> Any:
-        end = time.monotonic() + patience_s
-        while time.monotonic() < end:
-            found = wanted()
-            if found is not None and found is not False:
-                return found
-            time.sleep(0.1)
-        raise AssertionError(f"waited {patience_s:.0f} s for {what}; the page says:\n{self.text()}")
+class ViewerPage(Page):
+    """Page of ``treadline view``."""
 
     def until_it_runs(self) -> None:
         """Wait for the simulation of a live run."""
         self.until(lambda: self.t_s > 0.5, "a running simulation", COMPILING_S)
-
-    def sees(self, pattern: str, patience_s: float = PATIENCE_S) -> "re.Match[str]":
-        return self.until(lambda: re.search(pattern, self.text()), pattern, patience_s)
 
     @property
     def t_s(self) -> float:
@@ -70,7 +45,7 @@ class Page:
 
     def element(self, script: str, what: str) -> Any:
         """Wait for the element that a script finds."""
-        return self.until(lambda: self.driver.execute_script(f"return {script}"), what)
+        return self.until(lambda: self.run(f"return {script}"), what)
 
     def click(self, label: str) -> None:
         buttons = "[...document.querySelectorAll('button, [role=tab]')]"
@@ -90,7 +65,7 @@ class Page:
 
     def tick(self, label: str) -> None:
         """Change the check box with a label."""
-        self.driver.execute_script("arguments[0].click()", self.field(label))
+        self.run("arguments[0].click()", self.field(label))
 
     def kill(self) -> None:
         """Kill the browser without a word; the page cannot say goodbye."""
@@ -99,42 +74,15 @@ class Page:
             for browser in children.read_text().split():
                 os.kill(int(browser), signal.SIGKILL)
 
-    def requests(self) -> set[str]:
-        """Addresses that the page has asked for, its WebSockets included."""
-        asked = set()
-        for entry in self.driver.get_log("performance"):
-            message = json.loads(entry["message"])["message"]
-            if message["method"] == "Network.requestWillBeSent":
-                asked.add(message["params"]["request"]["url"])
-            elif message["method"] == "Network.webSocketCreated":
-                asked.add(message["params"]["url"])
-        return asked
+
+@pytest.fixture(scope="session")
+def make_page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[], ViewerPage]]:
+    with drivers(tmp_path_factory, "--disable-quic", "--window-size=1440,900") as make:
+        yield lambda: ViewerPage(make())
 
 
 @pytest.fixture(scope="session")
-def make_page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[], Page]]:
-    from selenium import webdriver
-    from selenium.webdriver.chrome.service import Service
-
-    drivers = []
-
-    def make() -> Page:
-        options = webdriver.ChromeOptions()
-        options.binary_location = CHROMIUM
-        for option in (*OPTIONS, f"--user-data-dir={tmp_path_factory.mktemp('profile')}"):
-            options.add_argument(option)
-        options.set_capability("goog:loggingPrefs", {"performance": "ALL"})
-        driver = webdriver.Chrome(options=options, service=Service(DRIVER))
-        drivers.append(driver)
-        return Page(driver)
-
-    yield make
-    for driver in drivers:
-        driver.quit()
-
-
-@pytest.fixture(scope="session")
-def page(make_page: Callable[[], Page]) -> Page:
+def page(make_page: Callable[[], ViewerPage]) -> ViewerPage:
     return make_page()
 
 
@@ -180,7 +128,7 @@ def recorded(run_folder: Path) -> Iterator[str]:
 
 
 @pytest.fixture(scope="session")
-def replay(page: Page, recorded: str) -> Page:
+def replay(page: ViewerPage, recorded: str) -> ViewerPage:
     """Page of the recorded run, loaded once."""
     page.requests()
     page.driver.get(recorded)

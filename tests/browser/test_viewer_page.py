@@ -1,10 +1,6 @@
 """The page of ``treadline view`` in a real browser: scene, controls, access, and clients that come and go."""
 
-import contextlib
-import functools
-import http.server
 import io
-import threading
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -21,8 +17,8 @@ SCENE = (400, 200, 1020, 740)
 
 
 def scene_of(page: Any) -> np.ndarray:
-    picture = Image.open(io.BytesIO(page.driver.get_screenshot_as_png())).convert("RGB")
-    return np.asarray(picture.crop(SCENE), dtype=float)
+    left, upper, right, lower = SCENE
+    return whole(page)[upper:lower, left:right]
 
 
 def _drawn(page: Any) -> np.ndarray | None:
@@ -83,9 +79,7 @@ def test_a_typed_time_and_a_clicked_moment_move_the_cursor_and_stay(replay: Any)
     assert replay.t_s == 1.25
     assert float(box.get_attribute("value")) == 1.25
     replay.click("Events")
-    replay.until(
-        lambda: replay.driver.execute_script("return [...document.querySelectorAll('tr[data-jump]')].at(-1)"), "a row"
-    ).click()
+    replay.until(lambda: replay.run("return [...document.querySelectorAll('tr[data-jump]')].at(-1)"), "a row").click()
     replay.until(lambda: replay.t_s == 0.0, "the beginning of the phase")
     replay.until(lambda: float(box.get_attribute("value")) == 0.0, "the same time in the box")
 
@@ -95,33 +89,10 @@ def test_the_scene_has_half_of_a_small_window_and_the_timeline_all_of_it(replay:
     width = "return document.documentElement.clientWidth"
     replay.driver.set_window_size(1100, 800)
     scene = "return Math.max(...[...document.querySelectorAll('canvas')].map(c => c.parentElement.getBoundingClientRect().width))"
-    replay.until(lambda: replay.driver.execute_script(scene) >= 0.5 * replay.driver.execute_script(width), "half of the window")
-    timeline = replay.driver.execute_script("return document.getElementById('timeline').getBoundingClientRect().width")
-    assert timeline == pytest.approx(replay.driver.execute_script(width), abs=1.0)
+    replay.until(lambda: replay.run(scene) >= 0.5 * replay.run(width), "half of the window")
+    timeline = replay.run("return document.getElementById('timeline').getBoundingClientRect().width")
+    assert timeline == pytest.approx(replay.run(width), abs=1.0)
     replay.driver.set_window_size(1440, 900)
-
-
-def test_a_wrong_token_and_a_foreign_page_are_refused(page: Any, recorded: str, tmp_path: Any) -> None:
-    """Test: another path, and a page of another origin that knows the address. Expected: no page, no WebSocket, no answer."""
-    parts = urlsplit(recorded)
-    page.driver.get(f"http://{parts.netloc}/wrong/")
-    page.sees("the token is missing or wrong")
-    handler = functools.partial(http.server.SimpleHTTPRequestHandler, directory=str(tmp_path))
-    (tmp_path / "index.html").write_text("<title>foreign</title>")
-    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as foreign:
-        threading.Thread(target=foreign.serve_forever, daemon=True).start()
-        page.driver.get(f"http://127.0.0.1:{foreign.server_port}/")
-        outcome = page.driver.execute_async_script(
-            "const done = arguments[1]; const s = new WebSocket(arguments[0].replace('http', 'ws'));"
-            "s.onopen = () => done('open'); s.onerror = () => done('refused');",
-            recorded.rstrip("/"),
-        )
-        assert outcome == "refused"
-        read = page.driver.execute_async_script(
-            "const done = arguments[1]; fetch(arguments[0]).then(() => done('read'), () => done('refused'));", recorded
-        )
-        assert read == "refused"
-        foreign.shutdown()
 
 
 def test_stop_rearm_and_a_fault_reach_the_chair_and_two_clients_see_it(page: Any, make_page: Callable[[], Any], live: str) -> None:
@@ -228,21 +199,22 @@ def test_the_chair_follows_the_keys_while_the_dead_man_switch_is_held(driving: A
 
 def test_the_chair_follows_a_gamepad_while_its_shoulder_button_is_held(driving: Any) -> None:
     """Test: stick forward without and with the right shoulder button. Expected: motion with the button only."""
-    driving.driver.execute_script(GAMEPAD)
-    driving.driver.execute_script(PUSHED, False)
+    driving.run(GAMEPAD)
+    driving.run(PUSHED, False)
     start_m = place_at_rest(driving)
-    driving.driver.execute_script(PUSHED, True)
+    driving.run(PUSHED, True)
     driving.until(lambda: drives_from(driving, start_m), "a chair that drives", SLOWLY_DRAWN_S)
-    driving.driver.execute_script(PUSHED, False)
+    driving.run(PUSHED, False)
     driving.sees("HOLD since .*\n?.*operator stop")
 
 
 def test_a_narrow_page_shows_scene_and_stop(page: Any, live: str) -> None:
     """Test: a phone of 390 by 844 px. Expected: STOP in view, the panels over less than half of the page, the scene drawn above."""
-    with narrow(page):
+    page.resize(390, 844)
+    try:
         page.driver.get(live)
         page.until_it_runs()
-        top = page.driver.execute_script(
+        top = page.run(
             "const stop = [...document.querySelectorAll('button')].find(b => b.innerText.trim() === 'STOP');"
             "const { top, bottom, width } = stop.getBoundingClientRect();"
             "return [top, bottom, width, innerWidth, innerHeight, document.documentElement.scrollWidth];"
@@ -252,6 +224,8 @@ def test_a_narrow_page_shows_scene_and_stop(page: Any, live: str) -> None:
         assert width > 0.9 * page_px
         assert scroll_px == page_px == 390
         page.until(lambda: colours(whole(page)[150:430]) > 40, "a drawn scene above the panels")
+    finally:
+        page.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
 
 
 def colours(pixels: np.ndarray) -> int:
@@ -260,13 +234,3 @@ def colours(pixels: np.ndarray) -> int:
 
 def whole(page: Any) -> np.ndarray:
     return np.asarray(Image.open(io.BytesIO(page.driver.get_screenshot_as_png())).convert("RGB"), dtype=float)
-
-
-@contextlib.contextmanager
-def narrow(page: Any) -> Iterator[None]:
-    size = {"width": 390, "height": 844, "deviceScaleFactor": 1, "mobile": True}
-    page.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
-    try:
-        yield
-    finally:
-        page.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})

@@ -1,17 +1,16 @@
-"""Emulated chairs in processes of their own, and hosts that drive them through a link.
+"""Emulated drives, and hosts that drive them through a link.
 
 Times are those of the emulator's clock. A ``Rig`` runs drives and host in turns, so that a busy machine changes nothing.
 """
 
 import re
 import select
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from processes import Heard, wait_for
+from processes import wait_for
 
 from treadline.core.signals import TICK_S
 from treadline.hardware._can_link import CanSimpleLink
@@ -121,14 +120,3 @@ def can_rig(folder: Path, *faults: str) -> Rig:
     axes = CanAxes(chair, Faults(faults), Terminal(folder / "sensors"), bus)
     link = CanSimpleLink(left_node=1, right_node=2, wheel_radius_m=PULLEY_M, limits=LIMITS, **bus)
     return Rig(chair, link, lambda: list(axes.step()), link.poll)
-
-
-@contextmanager
-def emulator(port: Path, *options: object) -> Iterator[Heard]:
-    """Open an emulated chair in a process of its own."""
-    chair = Heard("treadline.hardware.emulators", *options, "--port", port)
-    try:
-        wait_for(lambda: chair.lines)
-        yield chair
-    finally:
-        chair.end()

@@ -115,13 +115,6 @@ def test_every_seed_and_run_has_a_different_point_and_seed() -> None:
     assert len({run_seed(seed, index) for seed in range(30) for index in range(30)}) == 900
 
 
-def test_sobol_leaves_fewer_gaps_than_chance() -> None:
-    from scipy.stats.qmc import discrepancy
-
-    sobol, chance = (discrepancy(cube(sampling, 6, 3, 256)) for sampling in ("sobol", "random"))
-    assert sobol < 0.3 * chance
-
-
 def test_a_drawn_scenario_reads_back_to_the_last_bit(tmp_path: Path) -> None:
     fault = Fault(kind="camera_lost", at_s=1.0 / 3.0)
     for run in drawn(ENVELOPE, 16):

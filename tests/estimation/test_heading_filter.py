@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -154,15 +155,6 @@ def test_on_a_vibrating_chassis_thirty_seconds_without_vision_stay_within_half_a
     # The target for the worst case. Sigma at the end is 0.12°: 0.09 from the bias, 0.07 from its drift, 0.03 from the start.
     assert max(np.abs(climb.errors_deg(since_s=2.0)).max() for climb in shaken) <= 0.5
     assert max(rms(climb.errors_deg(since_s=2.0, until_s=GAP_FROM_S)) for climb in shaken) <= 0.10
-
-
-def test_with_white_noise_thirty_seconds_without_vision_stay_as_near_as_the_gyro_allows(climbs: list[Climb]) -> None:
-    worst = np.array([np.abs(climb.errors_deg(since_s=2.0)).max() for climb in climbs])
-    # 0.35 °/s per sample give 0.19° in 30 s, the bias known to 0.005 °/s gives 0.17° and the initial heading 0.07°:
-    # sigma is 0.28° for an optimal filter, so half a degree is 1.8 sigma at the very end: 93 % of seeds:
-    # all but one of three, and none beyond three sigma.
-    assert np.count_nonzero(worst <= 0.5) >= 2
-    assert worst.max() <= 0.85
 
 
 def test_as_long_as_the_guard_lets_the_gyro_drive_alone_half_a_degree_is_kept(climbs: list[Climb]) -> None:
@@ -339,10 +331,6 @@ def standing(heading: HeadingFilter, from_s: float, to_s: float, rate: float, be
     return said
 
 
-def test_a_repeating_gyro_on_a_standing_chair_is_accepted() -> None:
-    assert set(standing(begun(), IMU_S, 2.0, 0.0, 0.0)) == {None}
-
-
 def test_a_stuck_gyro_stays_stuck_under_a_chair_that_stops_for_it() -> None:
     """Test: the gyro sticks while the belts run, and they then stop. Expected result: stuck until the reading changes."""
     heading = begun(rate_rad_s=0.01)
@@ -415,50 +403,30 @@ def test_sparse_frames_do_not_override_the_gyro(seconds: float, until_s: float, 
     assert np.abs(climb.errors_deg(since_s=2.0, until_s=until_s)).max() < limit_deg
 
 
-def test_a_gyro_sample_that_is_not_a_number_changes_nothing() -> None:
-    clean = Climb(3, seconds=20.0, imu=lambda t, rate: None if within(t, 10.0, 0.03) else rate)
-    for bad in (np.nan, np.inf, 1e300):
-        poisoned = Climb(3, seconds=20.0, imu=lambda t, rate, bad=bad: bad if within(t, 10.0, 0.03) else rate)
-        # The same bits as without these samples.
-        assert poisoned.estimates[-1] == clean.estimates[-1]
+MEANINGLESS = [
+    *(lambda _, stamp=stamp: gyro(stamp, 0.1) for stamp in (np.nan, np.inf)),
+    *(lambda tick, rate=rate: gyro((tick + 0.2) * IMU_S, rate) for rate in (np.nan, np.inf, 1e300)),
+    *(lambda tick, back=back: gyro((tick - back) * IMU_S, 30.0) for back in (0, 5)),
+    *(lambda _, stamp=stamp: seen(stamp, 0.3) for stamp in (np.nan, np.inf)),
+    *(lambda tick, back=back: seen((tick - back) * IMU_S, 0.11) for back in (3, 4, 35)),
+    *(lambda tick, heading=heading: seen(tick * IMU_S, heading) for heading in (np.nan, np.inf)),
+    *(lambda tick, sigma=sigma: seen(tick * IMU_S, 0.1, sigma) for sigma in (np.nan, 0.0, -1.0, 1e300)),
+]
+"""Signals by the tick at which they come, three ticks after a frame: not finite, or not newer than those before."""
 
 
-@pytest.mark.parametrize(
-    "meaningless",
-    [
-        *(gyro(stamp, 0.1) for stamp in (np.nan, np.inf)),
-        *(seen(stamp, 0.3) for stamp in (np.nan, np.inf)),
-        *(seen(0.01, value) for value in (np.nan, np.inf)),
-        *(seen(0.01, 0.1, sigma) for sigma in (np.nan, 0.0, -1.0, 1e300)),
-    ],
-)
-def test_a_signal_without_meaning_changes_nothing(meaningless: ImuSample | HeadingMeasurement) -> None:
-    heading = HeadingFilter()
-    heading.step(gyro(0.0, 0.1))
-    before = heading.step(seen(0.0, 0.2))
-    assert heading.step(meaningless) == before
-
-
-def test_gyro_stamps_that_repeat_or_go_back_are_dropped() -> None:
-    clean, odd = HeadingFilter(), HeadingFilter()
-    for k in range(200):
-        clean.step(gyro(k * IMU_S, 0.1))
-        odd.step(gyro(k * IMU_S, 0.1))
-        odd.step(gyro(k * IMU_S, 30.0))
-        odd.step(gyro((k - 5) * IMU_S, -30.0))
-        if k % TICKS_PER_FRAME == 0:
-            clean.step(seen(k * IMU_S, 0.1 * k * IMU_S))
-            odd.step(seen(k * IMU_S, 0.1 * k * IMU_S))
-    assert odd.step(gyro(2.0, 0.1)) == clean.step(gyro(2.0, 0.1))
-
-
-def test_frame_stamps_that_repeat_or_go_back_are_dropped() -> None:
-    heading = HeadingFilter()
-    for k in range(50):
-        heading.step(gyro(k * IMU_S, 0.0))
-    before = heading.step(seen(0.45, 0.1))
-    for stamp in (0.45, 0.44, 0.1):
-        assert heading.step(seen(stamp, 0.1001)) == before
+@pytest.mark.parametrize("meaningless", MEANINGLESS)
+def test_a_signal_without_meaning_changes_nothing_then_and_later(meaningless: Callable[[int], Any]) -> None:
+    clean, odd = begun(), begun()
+    for tick in range(1, 200):
+        t_s = tick * IMU_S
+        estimates = [heading.step(gyro(t_s, 0.1)) for heading in (clean, odd)]
+        if tick % TICKS_PER_FRAME == 0:
+            estimates = [heading.step(seen(t_s, 0.1 + 0.1 * t_s)) for heading in (clean, odd)]
+        if tick % TICKS_PER_FRAME == 3:
+            estimates[1] = odd.step(meaningless(tick))
+        # The same bits as without these signals.
+        assert estimates[0] == estimates[1]
 
 
 def test_a_frame_older_than_the_filters_memory_is_dropped() -> None:
@@ -577,10 +545,9 @@ def test_an_imu_sample_may_be_of_lists_and_must_be_of_three_rates() -> None:
         ImuSample(t_s=0.0, **listed | {"angular_velocity_rad_s": [0.0, 0.1]})
 
 
-@pytest.mark.parametrize(("declared", "worst_rad"), [(True, 0.15 * DEG), (False, np.inf)])
-def test_a_corrected_mount_moves_the_heading_and_not_the_gyro_bias(*, declared: bool, worst_rad: float) -> None:
+def test_a_corrected_mount_moves_the_heading_and_not_the_gyro_bias() -> None:
     """Test: headings off by 2° by a rolled mount, from 20 s on corrected. Expected result: with the correction declared the heading
-    is right at once and stays so: 0.15° is three sigma of the filter. Without it the step looks like a fault or a drift."""
+    is right at once and stays so: 0.15° is three sigma of the filter."""
     rng = np.random.default_rng(8)
     estimator, errors, biases = HeadingFilter(), [], []
     for k in range(4000):
@@ -592,16 +559,13 @@ def test_a_corrected_mount_moves_the_heading_and_not_the_gyro_bias(*, declared: 
             sigma_rad = 1.2 * DEG if t_s < 20.0 else 0.2 * DEG
             measured = replace(
                 seen(t_s, truth + wrong_rad + 0.05 * DEG * rng.normal(), sigma_rad),
-                correction_rad=-2.0 * DEG if declared and k == round(20.0 / IMU_S) else 0.0,
+                correction_rad=-2.0 * DEG if k == round(20.0 / IMU_S) else 0.0,
             )
             estimate = estimator.step(measured)
         assert estimate is not None or k == 0
         if estimate is not None and t_s >= 20.0:
             errors.append(abs(estimate.heading_rad - truth))
             biases.append(abs(estimator.health.bias_rad_s))
-    assert max(errors) < worst_rad
-    if declared:
-        assert max(biases) < 0.05 * DEG
-        assert estimator.rejected_count == 0
-    else:
-        assert max(errors) > 0.3 * DEG
+    assert max(errors) < 0.15 * DEG
+    assert max(biases) < 0.05 * DEG
+    assert estimator.rejected_count == 0

@@ -290,7 +290,6 @@ def dense_update(
 
 def test_the_noise_model_is_that_of_the_statistical_camera_and_of_the_detector() -> None:
     """Test: constants next to the fit and the detector that they stand for. Expected: equal up to the digits of the docstrings."""
-    from treadline.estimation import _nosing_filter as flight_shape
     from treadline.estimation import _nosing_filter as nosing_filter
     from treadline.perception._gravity_direction import GRAVITY_SIGMA
     from treadline.perception._lattice_kernels import RISE_IRREGULAR_M, RUN_IRREGULAR_M
@@ -301,5 +300,5 @@ def test_the_noise_model_is_that_of_the_statistical_camera_and_of_the_detector()
         assert nosing_filter.COMMON[axis] == camera["common"][name]
         assert pytest.approx(length_m, abs=0.01) == nosing_filter.CORRELATED_M
         assert pytest.approx(1.0 - frozen - decaying, abs=0.02) == nosing_filter.OWN_SHARE
-    assert tuple(flight_shape.IRREGULAR_M) == (RUN_IRREGULAR_M, RISE_IRREGULAR_M)
-    assert flight_shape.GRAVITY_RAD == GRAVITY_SIGMA
+    assert tuple(nosing_filter.IRREGULAR_M) == (RUN_IRREGULAR_M, RISE_IRREGULAR_M)
+    assert nosing_filter.GRAVITY_RAD == GRAVITY_SIGMA

@@ -142,16 +142,16 @@ def record() -> InputOutputRecord:
 Write = Callable[[str, InputOutputRecord], Written]
 
 
-def as_kind(kind: str, folder: Path, record: InputOutputRecord, recording: Any) -> Written:
-    """Write a record as a log of a kind; ``recording`` makes what writes bags."""
-    if kind in BAGS:
-        name, ros1, options = BAGS[kind]
-        return in_bag(recording(ros1=ros1), folder / name, record, options)
-    name, writer = KINDS[kind]
-    return writer(folder / name, record)
-
-
 @pytest.fixture
 def written(tmp_path: Path, recording: Any) -> Write:
     """Write a record as a log of a kind."""
-    return lambda kind, record: as_kind(kind, Path(mkdtemp(dir=tmp_path)), record, recording)
+
+    def write(kind: str, record: InputOutputRecord) -> Written:
+        folder = Path(mkdtemp(dir=tmp_path))
+        if kind in BAGS:
+            name, ros1, options = BAGS[kind]
+            return in_bag(recording(ros1=ros1), folder / name, record, options)
+        name, writer = KINDS[kind]
+        return writer(folder / name, record)
+
+    return write

@@ -8,28 +8,13 @@ import numpy as np
 import pytest
 from bags import bag, one_topic
 
-from treadline.core.errors import LogFormatError, NotFinite, RecordError
+from treadline.core.errors import LogFormatError, RecordError
 from treadline.core.models import InputOutputRecord
 from treadline.io.records import read_record
 
 
 def read(path: Path, **options: Any) -> InputOutputRecord:
     return read_record(path, ("/u.data",), ("/y.data",), **options)
-
-
-@pytest.mark.parametrize("pausing", ["u", "y"])
-def test_a_pause_is_a_gap_and_not_a_line(tmp_path: Path, pausing: str) -> None:
-    whole = [(0.1 * k, float(k)) for k in range(41)]
-    # Two lost in a row are bridged; from the third on it is a pause.
-    broken = [item for k, item in enumerate(whole) if k not in {5, 6, 20, 21, 22}]
-    channels = {"u": whole, "y": whole} | {pausing: broken}
-    path = bag(tmp_path / "log.mcap", **channels)
-    with pytest.raises(NotFinite, match=rf"log\.mcap: 2\.000 s after.*'/{pausing}\.data' holds NaN.*--allow-gaps"):
-        read(path)
-    record = read(path, allow_gaps=True)
-    column = record.u if pausing == "u" else record.y
-    assert np.flatnonzero(np.isnan(column[:, 0])).tolist() == [20, 21, 22]
-    assert column[5, 0] == (4.0 if pausing == "u" else pytest.approx(5.0))
 
 
 def test_a_header_stamp_counts_before_the_time_of_logging(tmp_path: Path) -> None:

@@ -134,7 +134,13 @@ def chunked(section: dict[str, Any]) -> list[str]:
 def in_chunks(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Callable[[Path, dict[str, Any]], Any]:
     """Read in chunks of so many rows, and text in blocks of five lines."""
     monkeypatch.setattr(_csv_files, "BLOCK_ROWS", 5)
-    return lambda path, case: list(read(path, case, read_chunks, rows=request.param))
+
+    def parts_of(path: Path, case: dict[str, Any]) -> list[Any]:
+        parts = list(read(path, case, read_chunks, rows=request.param))
+        assert all(len(part) <= request.param for part in parts)
+        return parts
+
+    return parts_of
 
 
 @pytest.mark.parametrize("name", chunked(READ))

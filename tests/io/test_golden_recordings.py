@@ -18,6 +18,8 @@ from treadline.core import errors
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.signals import ImuSample
 from treadline.io.frames import read_frames
+from treadline.io.frames._recorded_frames import FramesOfLog
+from treadline.io.frames.point_cloud import FrameOptions
 from treadline.io.sensor_log import SensorLog
 
 READ, REFUSED = tomllib.loads(Path(__file__).with_name("recordings.toml").read_text(encoding="utf-8")).values()
@@ -31,18 +33,18 @@ DTYPES = {"16UC1": (np.uint16, ()), "mono16": (np.uint16, ()), "32FC1": (np.floa
 def add(log: Any, role: str, topic: str, width: int = 0, height: int = 0, what: str = "1 0", *times: float) -> None:
     """Add a message of the table to a recording."""
     t_s, *logged = times or (0.0,)
+    options = {"logged_s": logged[0]} if logged else {}
     match role:
         case "imu":
             w, rate = map(float, what.split())
-            options = {"logged_s": logged[0]} if logged else {}
             log.imu(topic, t_s, (w, 0.0, 0.0, 0.0), (0.0, rate, 0.0), (0.0, 0.0, 9.81), **options)
         case "info":
             lens = {"fx_px": float(what), "fy_px": float(what), "cx_px": 15.5, "cy_px": 11.5}
-            log.calibration(topic, t_s, PinholeCamera(width_px=width, height_px=height, **lens))
+            log.calibration(topic, t_s, PinholeCamera(width_px=width, height_px=height, **lens), **options)
         case "image":
             encoding, value = what.split()
             kind, more = DTYPES[encoding]
-            log.image(topic, t_s, np.full((height, width, *more), float(value), kind), encoding)
+            log.image(topic, t_s, np.full((height, width, *more), float(value), kind), encoding, **options)
         case "cloud":
             add_cloud(log, topic, t_s, np.ones((int(what), 3)), (width, height))
 
@@ -60,7 +62,17 @@ def written(recording, tmp_path: Path) -> Callable[[dict[str, Any]], Path]:
     return write
 
 
-@pytest.mark.parametrize("name", READ)
+@pytest.mark.parametrize("name", [name for name, case in READ.items() if "frames" in case])
+def test_frames_of_a_recording_are_chosen_and_what_is_left_out_is_counted(written, name: str) -> None:
+    expected = dict(READ[name]["frames"])
+    source = FramesOfLog(written(READ[name]), FrameOptions(topic=expected.pop("named", None)))
+    frames = list(source) if expected.keys() - {"topic"} else []
+    colours = sum(named.has_colour for named in frames)
+    found = {"count": len(frames), "colours": colours, "topic": source.topic, "warnings": source.warnings}
+    assert {key: found[key] for key in expected} == expected
+
+
+@pytest.mark.parametrize("name", [name for name, case in READ.items() if "gives" in case])
 def test_sensor_readings_of_a_recording_are_chosen_checked_and_counted(written, name: str) -> None:
     case, events = READ[name], []
     log = SensorLog(written(case), **case.get("options", {}))
@@ -74,6 +86,8 @@ def test_sensor_readings_of_a_recording_are_chosen_checked_and_counted(written, 
         "ended": log.ended or "",
     }
     assert {key: found[key] for key in case["gives"]} == case["gives"]
+    times = [signal.t_s for signal in signals]
+    assert times == sorted(times)
 
 
 @pytest.mark.parametrize(

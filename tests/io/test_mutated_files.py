@@ -3,7 +3,6 @@
 Mutations put hostile numbers, words and bytes in place of those of a sound file. ``make slow`` runs a thousand for each reader.
 """
 
-import json
 import os
 import re
 import shutil
@@ -20,19 +19,17 @@ import pytest
 from frame_files import add_cloud, write_pcd
 from mutations import mutated_bytes
 
-from treadline.campaign._journal import Journal
-from treadline.campaign._sobol_sampling import run_seed
 from treadline.campaign.spec import read_spec
 from treadline.cli import main
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import TreadlineError
 from treadline.core.models import InputOutputRecord
 from treadline.experiments.as_printed import paper_model
+from treadline.io.records import write_record
 from treadline.scenario.shipped_files import DATA
 
 from ..conftest import Recording  # noqa: TID252 - pytest names the folders; outside of it they are no package
-from ..report.conftest import reproduced, write_log, write_reproduction, write_series  # noqa: TID252 - the same
-from .conftest import Written, as_kind
+from ..report.conftest import reproduced, write_reproduction, write_run  # noqa: TID252 - the same
 
 NUMBERS = (
     *("0", "-0.0", "-1", "7", "1e-5", "3.3e-43", "1e-320", "1e20", "1e308", "-1e308", "1e999", "2147483648"),
@@ -106,28 +103,13 @@ def copied(source: str, name: str, **others: str) -> Callable[[Path], Path]:
     return make
 
 
-def record() -> InputOutputRecord:
-    rng = np.random.default_rng(3)
-    u = rng.normal(size=(60, 2))
+def log(folder: Path) -> Path:
+    u = np.random.default_rng(3).normal(size=(60, 2))
     names = {"input_names": ("left_m_s", "right_m_s"), "output_names": ("heading_rad",)}
-    return InputOutputRecord(u=u, y=0.05 * np.cumsum(u[:, :1] - u[:, 1:], axis=0), dt_s=0.25, **names)
-
-
-def log(kind: str) -> Reader:
-    """Return a reader of one format of records."""
-    written: list[Written] = []
-
-    def make(folder: Path) -> Path:
-        written[:] = [as_kind(kind, folder, record(), Recording)]
-        return written[0].path
-
-    def read(path: Path) -> object:
-        channels = ("--inputs", ",".join(written[0].inputs), "--outputs", ",".join(written[0].outputs))
-        options = ("--method", "okid-era", "--order", "2", "--lags", "4", "--no-page", "--force", "--out", "[]/model.json")
-        return verb("identify", "{}", *channels, *options)(path)
-
-    # Formats differ in their readers, which ``test_damaged_logs`` runs alone; what is identified is the same for all.
-    return Reader(make, read, mutated_text if kind == "csv" else mutated_bytes, 1 if kind in {"csv", "npz", "mcap bare"} else 5)
+    write_record(
+        folder / "log.csv", InputOutputRecord(u=u, y=0.05 * np.cumsum(u[:, :1] - u[:, 1:], axis=0), dt_s=0.25, **names), 0.5
+    )
+    return folder / "log.csv"
 
 
 def depth_image(folder: Path) -> Path:
@@ -179,37 +161,12 @@ def frames(name: str) -> Callable[[Path], Path]:
 
 def run_folder(name: str) -> Callable[[Path], Path]:
     """Return the maker of a run's folder."""
-
-    def make(folder: Path) -> Path:
-        run, event = folder / "run", {"t_s": 0.5, "name": "hold", "cause": "no command"}
-        write_series(run, 10.0)
-        write_log(run, events=[event])
-        result = {"verdict": "held", "cause": "x", "rms_heading_deg": 1.2, "duration_s": 1.0, "events": [event], "settle_s": None}
-        manifest = {"settings": {"stair": {"slope_deg": 28.0, "steps": 10}}, "seed": 3, "command": "treadline climb paper-28"}
-        (run / "result.json").write_text(json.dumps(result, indent=1))
-        (run / "manifest.json").write_text(json.dumps(manifest, indent=1))
-        return run / name
-
-    return make
+    return lambda folder: write_run(folder / "run", duration_s=1.0) / name
 
 
 def results(folder: Path) -> Path:
     values = reproduced() | {"table2": reproduced()["table2"][:2]}
-    write_reproduction(folder / "reproduce", values)
-    (folder / "reproduce" / "results.json").write_text(json.dumps(values, indent=1))
-    return folder / "reproduce" / "results.json"
-
-
-def journal(folder: Path) -> Path:
-    with Journal(folder, {"spec": "a", "seed": 1}, 5, resume=False) as lines:
-        for index in range(4):
-            lines.add({"index": index, "seed": run_seed(1, index), "verdict": "arrived", "rms_heading_deg": 1.5})
-    return folder / "journal.jsonl"
-
-
-def resumed(path: Path) -> object:
-    with Journal(path.parent, {"spec": "a", "seed": 1}, 5, resume=True) as lines:
-        return list(lines)
+    return write_reproduction(folder / "reproduce", values) / "results.json"
 
 
 def drawn(path: Path) -> object:
@@ -217,6 +174,8 @@ def drawn(path: Path) -> object:
     return spec.at([0.5] * spec.dimension, "middle")
 
 
+CHANNELS = ("--inputs", "left_m_s,right_m_s", "--outputs", "heading_rad")
+OPTIONS = ("--method", "okid-era", "--order", "2", "--lags", "4", "--no-page", "--force", "--out", "[]/model.json")
 SEEN, REPORTED = verb("see", "{}"), verb("report", "[]")
 READERS = {
     "model": Reader(model, verb("tune", "{}", "--force", "--out", "[]/made.json")),
@@ -227,8 +186,8 @@ READERS = {
         verb("check", "[]/scenario.toml"),
     ),
     "sweep": Reader(copied("scenarios/envelope.toml", "sweep.toml"), drawn),
-    "journal": Reader(journal, resumed),
-    **{kind: log(kind) for kind in ("csv", "npz", "mat", "mcap bare", "bag", "db3")},
+    # Formats of records differ in their readers, which ``test_damaged_logs`` runs alone; what is identified is the same for all.
+    "log": Reader(log, verb("identify", "{}", *CHANNELS, *OPTIONS)),
     "camera": Reader(lambda folder: depth_image(folder).with_name("camera.toml"), verb("see", "[]/depth.png", "--camera", "{}")),
     "depth image": Reader(depth_image, verb("see", "{}", "--camera", "[]/camera.toml"), mutated_bytes),
     "depths": Reader(depth_image, verb("see", "{}", "--camera", "[]/camera.toml"), mutated_pixels),

@@ -6,15 +6,14 @@ import json
 import math
 import os
 import re
-import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from climb_picture import HEADLESS
 from PIL import Image
+from web_page import CHROMIUM, DRIVER, Page, drivers
 from world import stair, truth
 
 from treadline.core.angles import DEG
@@ -122,7 +121,9 @@ def write_run(
 ) -> Path:
     """Write the folder of a run with a log of one second; ``result`` changes its scores."""
     write_series(folder, 10.0)
-    write_log(folder, events=events)
+    with RunLog(folder / "log.mcap") as log:
+        for signal in (*truths_of_a_climb(1.0), *(Event(**event) for event in events)):
+            log(signal)
     scored = {"verdict": "held", "cause": "no command", "rms_heading_deg": 1.234, "events": [*events], "settle_s": None}
     manifest = {"settings": settings or {"stair": {"slope_deg": 28.0, "steps": 10}}, "seed": 3, "command": command}
     (folder / "result.json").write_text(json.dumps(scored | result), encoding="utf-8")
@@ -146,15 +147,6 @@ def truths_of_a_climb(seconds: float) -> list[Truth]:
         turn = {"heading_rad": 3.0 * DEG * math.cos(t_s), "pitch_rad": SLOPE_RAD, "stability_margin_rad": margin_rad}
         found.append(truth(t_s, **place, **moves, **turn))
     return found
-
-
-def write_log(folder: Path, *, seconds: float = 1.0, events: Sequence[Mapping[str, Any]] = ()) -> None:
-    """Write the log of a climb."""
-    with RunLog(folder / "log.mcap") as log:
-        for sample in truths_of_a_climb(seconds):
-            log(sample)
-        for event in events:
-            log(Event(**event))
 
 
 def climbing(*, seconds: float = 6.0, cause: str = HOSTILE) -> Recording:
@@ -185,52 +177,26 @@ def recording() -> Recording:
     return climbing()
 
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-
-
-class Browser:
-    """Headless Chromium with one page."""
-
-    def __init__(self, driver: Any) -> None:
-        self.driver = driver
+class PlayerPage(Page):
+    """Page in a file."""
 
     def open(self, page: Path, *, width_px: int = 1280, dark: bool = False) -> None:
-        size = {"width": width_px, "height": 800, "deviceScaleFactor": 1, "mobile": width_px < 500}
-        self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+        self.resize(width_px, 800)
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [scheme]})
         self.driver.get(page.resolve().as_uri())
         self.run("return new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
-
-    def run(self, script: str) -> Any:
-        """Return the value of a script; a promise is awaited."""
-        return self.driver.execute_script(script)
 
     def pixels(self, selector: str) -> np.ndarray:
         """Return the image of a canvas."""
         url = self.run(f"return document.querySelector('{selector}').toDataURL('image/png')")
         return np.asarray(Image.open(io.BytesIO(base64.b64decode(url.partition(",")[2]))).convert("RGB")).astype(int)
 
-    def errors(self) -> list[str]:
-        return [entry["message"] for entry in self.driver.get_log("browser") if entry["level"] == "SEVERE"]
-
-    def requests(self) -> list[str]:
-        """Return the addresses requested besides files, data in the page, and the browser's own start page."""
-        events = [json.loads(entry["message"])["message"] for entry in self.driver.get_log("performance")]
-        urls = [event["params"]["request"]["url"] for event in events if event["method"] == "Network.requestWillBeSent"]
-        return [url for url in urls if not url.startswith(("file:", "data:", "chrome"))]
-
 
 @pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    if CHROMIUM is None or shutil.which("chromedriver") is None:
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PlayerPage]:
+    if CHROMIUM is None or DRIVER is None:
         pytest.skip("needs Debian's chromium and chromium-driver")
-    webdriver = pytest.importorskip("selenium.webdriver", reason="selenium drives the browser")
-    options = webdriver.ChromeOptions()
-    options.binary_location = CHROMIUM
-    for flag in (*HEADLESS, f"--user-data-dir={tmp_path_factory.mktemp('browser')}"):
-        options.add_argument(flag)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(shutil.which("chromedriver")))
-    yield Browser(driver)
-    driver.quit()
+    pytest.importorskip("selenium.webdriver", reason="selenium drives the browser")
+    with drivers(tmp_path_factory) as make:
+        yield PlayerPage(make())

@@ -186,9 +186,7 @@ IDENTIFICATIONS = {
         | {"candidates": candidates(50, 45), "noise_level": 0.02, "mirrored": True, "delays": [2]}
         | {"whiteness_p": 0.0, "crosscorrelation_p": 0.0001, "singular_values": [3.0, 1.0, 0.01, 0.005, 1e-17]},
     ),
-    "dead time and degrees": identified(
-        replace(DELAYED, input_names=("wheel_rad_s",), output_names=("heading_deg",)), bare=True, **UNSURE
-    ),
+    "dead time and degrees": identified(DEGREES, bare=True, **UNSURE),
     "an integrator and a delay of one sample": identified(
         INTEGRATOR, bare=True, **UNSURE | {"poles": [(1.0, 0.0), (0.0, 0.0), (0.0, 0.0)], "pole_ci95": [0.01] * 3}
     ),

@@ -1,22 +1,13 @@
 """The moving picture: the scene of the player, frame by frame."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-from climb_picture import render, write_climb_picture
+from climb_picture import render
+from web_page import CHROMIUM
 
-from treadline.core.errors import LogFormatError, SettingsError
+from treadline.core.errors import SettingsError
 from treadline.playback import Recording
 from treadline.vehicle.film_camera import SIZE_PX
-
-from .conftest import CHROMIUM
-
-
-def test_a_run_without_a_log_is_refused(run_folder: Path, tmp_path: Path) -> None:
-    (run_folder / "log.mcap").unlink()
-    with pytest.raises(LogFormatError, match=r"no log\.mcap"):
-        write_climb_picture(run_folder, tmp_path / "climb.webp")
 
 
 def test_without_a_browser_the_error_names_the_package(recording: Recording, monkeypatch: pytest.MonkeyPatch) -> None:

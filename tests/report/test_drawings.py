@@ -3,10 +3,8 @@
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-import numpy as np
 import pytest
 from drawings.paper_figures import DRAWINGS, write_drawings
-from drawings.pen import turned
 
 from treadline.report.svg_figures import svg_of
 
@@ -35,12 +33,3 @@ def test_a_drawing_is_a_small_picture_that_needs_nothing_else_and_the_same_twice
 
 def test_docs_hold_every_drawing_and_no_other() -> None:
     assert sorted(path.stem for path in SHIPPED.glob("fig*.svg")) == sorted(DRAWINGS)
-
-
-def test_every_figure_that_is_not_measured_is_drawn() -> None:
-    assert [name[:5] for name in DRAWINGS] == ["fig01", "fig02", "fig03", "fig04", "fig06", "fig07"]
-
-
-def test_a_quarter_turn_takes_forward_to_up() -> None:
-    np.testing.assert_allclose(turned([(1.0, 0.0)], np.pi / 2), [[0.0, 1.0]], atol=1e-15)
-    np.testing.assert_allclose(turned([(1.0, 0.0)], np.pi, about=(2.0, 0.0)), [[3.0, 0.0]], atol=1e-12)

@@ -23,15 +23,6 @@ def _of(mesh: Mesh, **more: object) -> list:
     return silhouettes([part("solid", "chair", [mesh], "frame")], **more)
 
 
-@pytest.mark.parametrize(("view", "area"), [(SIDE, 2.0 * 6.0), (ABOVE, 2.0 * 4.0)])
-def test_a_box_is_seen_as_the_rectangle_of_its_two_edges(view: np.ndarray, area: float) -> None:
-    (shape,) = _of(box((1.0, 2.0, 3.0), (2.0, 4.0, 6.0)), view=view)
-    (loop,) = shape.loops
-    assert _signed_area(loop) == pytest.approx(area)  # positive: anticlockwise
-    centre = 0.5 * (loop.min(axis=0) + loop.max(axis=0))
-    np.testing.assert_allclose(centre, view[:2] @ (1.0, 2.0, 3.0))
-
-
 def test_the_area_of_a_turned_box_is_the_sum_of_its_visible_faces() -> None:
     """Test: edges a, b, c turned about two axes. Expected: faces times the cosines of their normals to the view (Cauchy)."""
     size, R = (0.2, 0.3, 0.5), rotation_z(0.4) @ rotation_x(0.7)

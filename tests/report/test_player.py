@@ -1,7 +1,5 @@
 """The player: its numbers are the recording's, and it opens and plays in a browser without a request."""
 
-import re
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,17 +9,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from page_text import unpacked
 
-from treadline.playback import Recording, findings_of
-from treadline.report._html import packed, packed_indices
+from treadline.playback import Recording
+from treadline.report._html import packed
 from treadline.report._player_data import creases, scene_of, uniform
-from treadline.report.answers import moments_of
 from treadline.report.player_page import write_player
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair
 from treadline.vehicle.appearance import body_poses, chair_parts
 from treadline.vehicle.appearance._mesh import box, cylinder
 
-from .conftest import Browser, climbing
+from .conftest import PlayerPage, climbing
 from .pages import held
 
 # Literals, so that a changed value in the code is detected here.
@@ -40,11 +37,6 @@ def test_packed_numbers_come_back_within_half_a_step(values: list[float]) -> Non
     np.testing.assert_array_equal(np.isnan(back), np.isnan(table))
     # Half a step, and the rounding of the product.
     np.testing.assert_allclose(back[np.isfinite(back)], known, atol=0.5 * step * (1 + 1e-6) + 1e-12)
-
-
-def test_a_mesh_beyond_16_bits_is_refused() -> None:
-    with pytest.raises(ValueError, match="16 bits"):
-        packed_indices(np.array([0, 65536]))
 
 
 def test_creases_of_a_box_are_its_twelve_edges_and_of_a_cylinder_its_rims() -> None:
@@ -69,14 +61,6 @@ def test_the_tables_of_moving_bodies_are_their_poses(recording: Recording) -> No
     assert {part["body"] for part in scene["parts"]} >= {part.body for part in chair_parts(chair, Chair())}
 
 
-def test_the_key_moments_are_the_extremes_of_the_signals(recording: Recording) -> None:
-    moments = moments_of(recording, findings_of(recording))
-    least = next(moment for moment in moments if moment["label"].startswith("least tip-over margin"))
-    # 12 - 4 at half a period of 2 rad/s: π/2 s. The chair's place is made up, so the direction is not asked for.
-    assert re.fullmatch(r"least tip-over margin 8\.0°( \w+)? at 1\.57 s", least["label"])
-    assert least["t"] == pytest.approx(np.pi / 2, abs=0.01)
-
-
 def test_a_long_run_is_decimated_and_gaps_of_a_bag_get_equal_steps(recording: Recording) -> None:
     long = replace(recording.sampled(np.arange(600).repeat(150), 0.01 * np.arange(90_000)))
     kept = uniform(long)
@@ -87,13 +71,9 @@ def test_a_long_run_is_decimated_and_gaps_of_a_bag_get_equal_steps(recording: Re
     assert len(uniform(gap).t_s) == 600
 
 
-def test_the_page_is_small_and_names_no_host(tmp_path: Path) -> None:
-    """Test: 50 s at 100 Hz, perceived ten times a second. Expected: within 5 MB; no address but the namespace-free page itself."""
-    page = write_player(climbing(seconds=50.0), tmp_path / "run.html")
-    text = page.read_text(encoding="utf-8")
-    assert len(text.encode()) < MOST_BYTES
-    assert not re.search(r"https?:|//[a-z]+\.", text)
-    assert "default-src 'none'" in text
+def test_the_page_is_small(tmp_path: Path) -> None:
+    """Test: 50 s at 100 Hz, perceived ten times a second. Expected: within 5 MB."""
+    assert write_player(climbing(seconds=50.0), tmp_path / "run.html").stat().st_size < MOST_BYTES
 
 
 # ---- in the browser ----
@@ -105,7 +85,7 @@ def page(recording: Recording, tmp_path_factory: pytest.TempPathFactory) -> Path
 
 
 @pytest.mark.parametrize(("width_px", "dark"), [(1280, False), (390, True)])
-def test_the_page_draws_plays_and_requests_nothing(browser: Browser, page: Path, width_px: int, dark: bool) -> None:
+def test_the_page_draws_plays_and_requests_nothing(browser: PlayerPage, page: Path, width_px: int, dark: bool) -> None:
     browser.open(page, width_px=width_px, dark=dark)
     first = browser.pixels("#scene")
     # A drawn scene has many colours; an empty canvas has one.
@@ -113,18 +93,17 @@ def test_the_page_draws_plays_and_requests_nothing(browser: Browser, page: Path,
     assert first.std() > 15.0
     assert (first[0, 0] < 80).all() == dark
     browser.run("document.getElementById('play').click()")
-    deadline = time.monotonic() + 10.0
-    while browser.run("return player.t") < 0.5 and time.monotonic() < deadline:
-        time.sleep(0.1)
+    browser.until(lambda: browser.run("return player.t >= 0.5"), "half a second of playing")
     browser.run("document.getElementById('play').click()")
-    assert browser.run("return player.t") >= 0.5
     assert np.abs(browser.pixels("#scene") - first).mean() > 0.5
     assert browser.run("return document.documentElement.scrollWidth <= window.innerWidth")
     assert browser.errors() == []
-    assert browser.requests() == []
+    assert [
+        url for url in browser.requests() if not url.startswith(("file:", "data:", "chrome"))
+    ] == []  # of the page, and the browser's start
 
 
-def test_events_slider_and_keys_move_the_clock_and_the_readings(browser: Browser, page: Path) -> None:
+def test_events_slider_and_keys_move_the_clock_and_the_readings(browser: PlayerPage, page: Path) -> None:
     browser.open(page)
     browser.run("document.querySelectorAll('#events button')[1].click()")
     assert browser.run("return player.t") == 3.0
@@ -140,7 +119,7 @@ def test_events_slider_and_keys_move_the_clock_and_the_readings(browser: Browser
     assert browser.run(settled % "document.querySelector('.panel:nth-child(6) .key b').textContent").strip() == "8.00"
 
 
-def test_the_belts_move_with_their_travel(browser: Browser, page: Path) -> None:
+def test_the_belts_move_with_their_travel(browser: PlayerPage, page: Path) -> None:
     """Test: the same view with the chair held and its belts 20 mm further. Expected: a different picture, at the belts alone."""
     browser.open(page)
     drawn = "scene.view.target = [0.7, 0, 0.9]; scene.draw({{...stateAt(1), travel: [{0}, {0}]}}, [])"
@@ -151,7 +130,7 @@ def test_the_belts_move_with_their_travel(browser: Browser, page: Path) -> None:
     assert 50 < changed.sum() < 0.2 * changed.size
 
 
-def test_the_state_line_says_hold_with_its_cause_and_what_led_to_it(browser: Browser, tmp_path: Path) -> None:
+def test_the_state_line_says_hold_with_its_cause_and_what_led_to_it(browser: PlayerPage, tmp_path: Path) -> None:
     browser.open(write_player(held(), tmp_path / "held.html"), width_px=390)
     shown = "seek(%s); refresh(); return ['phase', 'why', 'chain'].map((id) => document.getElementById(id).textContent)"
     phase, why, chain = browser.run(shown % 3.5)
@@ -167,7 +146,7 @@ def test_the_state_line_says_hold_with_its_cause_and_what_led_to_it(browser: Bro
     assert browser.run(fits)
 
 
-def test_space_plays_after_a_button_was_clicked(browser: Browser, page: Path) -> None:
+def test_space_plays_after_a_button_was_clicked(browser: PlayerPage, page: Path) -> None:
     browser.open(page)
     webdriver = pytest.importorskip("selenium.webdriver")
     browser.driver.find_element("css selector", "#moments button").click()
@@ -176,7 +155,7 @@ def test_space_plays_after_a_button_was_clicked(browser: Browser, page: Path) ->
     assert browser.run("return player.playing") is True
 
 
-def test_the_side_view_is_orthogonal_and_the_whole_stair_is_in_its_view(browser: Browser, page: Path) -> None:
+def test_the_side_view_is_orthogonal_and_the_whole_stair_is_in_its_view(browser: PlayerPage, page: Path) -> None:
     """Test: two points one behind the other in the side view; the corners of the box in the whole view.
 
     Expected: the points coincide in the picture, and every corner is inside it.
@@ -198,7 +177,7 @@ def test_the_side_view_is_orthogonal_and_the_whole_stair_is_in_its_view(browser:
     assert np.abs(browser.run(project % ("whole", corners))).max() <= 1.0
 
 
-def test_every_term_of_the_legend_is_explained(browser: Browser, page: Path) -> None:
+def test_every_term_of_the_legend_is_explained(browser: PlayerPage, page: Path) -> None:
     browser.open(page)
     assert browser.run("return [...document.querySelectorAll('.legend span')].filter((s) => !s.title).length") == 0
     assert browser.run("return document.querySelectorAll('#terms dt').length") >= 20

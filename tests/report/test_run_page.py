@@ -1,10 +1,10 @@
 """The page of one run: what it was, its scores in words, and its course from the files of its folder alone."""
 
+import json
 import math
 import re
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -25,8 +25,8 @@ from treadline.report.run_figure import single_run
 from treadline.run.run_scores import Scores, Trace
 from treadline.vehicle.comfort import comfort, lasting
 
-from .conftest import write_run
-from .pages import PHASES, SEAT
+from .conftest import Transcript, write_run
+from .pages import PHASES
 
 
 def truth_at(t_s: float) -> Truth:
@@ -39,31 +39,15 @@ def test_a_result_of_another_seed_than_the_manifest_is_refused(tmp_path: Path) -
         write_report(write_run(tmp_path, seed=4))
 
 
-@pytest.mark.parametrize(
-    ("command", "values", "said"),
-    [
-        ("treadline climb up-28 --out runs/up", {"verdict": "arrived", "duration_s": 48.75}, "climb up-28: arrived after 48.8 s"),
-        ("treadline climb --out up --json up-28", {"duration_s": 80.0}, "climb up-28: driven to the end of its time, 80.0 s"),
-        ("treadline replay runs/seen --set a=b", {"duration_s": 15.01}, "replay runs/seen: played to its end, 15.0 s"),
-        ("treadline seat paper-28", {"seat": SEAT}, "seat paper-28: level within 1° after 1.73 s"),
-        ("treadline seat x.toml", {"seat": SEAT | {"settle_s": None}}, "seat x.toml: the seat did not settle"),
-        (
-            "treadline climb b --out x",
-            {"verdict": "refused", "cause": "too steep", "duration_s": 0.0},
-            "climb b: refused (too steep)",
-        ),
-        ("python own.py", {"verdict": "fell"}, "One run: fell"),
-        ("treadline 'unclosed", {"verdict": "fell"}, "One run: fell"),
-        ("treadline reproduce --quick --out x", {}, "reproduce turn-28: driven to the end of its time"),
-    ],
-)
-def test_the_heading_says_what_was_run_and_how_it_ended(command: str, values: dict[str, Any], said: str) -> None:
-    assert (
-        headline(
-            RunResult.model_validate({"verdict": "time_up"} | values), Manifest(settings={}, seed=0, command=command), "turn-28"
-        )
-        == said
-    )
+HEADLINES = Transcript(Path(__file__).with_name("headlines.txt"))
+
+
+@pytest.mark.parametrize("command", HEADLINES.sessions)
+def test_the_heading_says_what_was_run_and_how_it_ended(command: str) -> None:
+    """Test: a command and some results. Expected: the heading of the file."""
+    given = HEADLINES.sessions[command][0]
+    result = RunResult.model_validate(json.loads(given))
+    HEADLINES.check(command, [given, headline(result, Manifest(settings={}, seed=0, command=command), "turn-28")])
 
 
 def test_every_score_of_a_run_has_a_label_and_is_shown_once() -> None:
@@ -113,6 +97,6 @@ def test_the_curves_of_a_log_are_what_the_scores_are_the_peaks_of(run_folder: Pa
     rate, passenger = (ax.lines[0].get_ydata() for ax in figure.axes if "mean over 50 ms" in ax.get_title(loc="left"))
     trace = Trace.of(truth)
     assert np.radians(np.abs(rate).max()) == pytest.approx(np.abs(lasting(trace["pitch_rate_rad_s"])).max())
+    passenger_W = np.array([trace[f"passenger_{axis}_m"] for axis in "xyz"])
     # Stamps are kept to the nanosecond, and differences of places are divided by them twice.
-    place_W = np.stack([trace[f"passenger_{axis}_m"] for axis in "xyz"])
-    assert passenger.max() == pytest.approx(comfort(place_W, trace["yaw_rad"]).total_m_s2, rel=1e-5)
+    assert passenger.max() == pytest.approx(comfort(passenger_W, trace["yaw_rad"]).total_m_s2, rel=1e-5)

@@ -1,43 +1,32 @@
 """Plots of the player on a phone: values and zoom work by touch, and a vertical swipe scrolls the page."""
 
 import time
-from typing import Any
 
 import pytest
 
 from treadline.playback import Recording
 from treadline.report.player_page import write_player
 
-from .conftest import Browser
-
-WIDTH_PX = 390
-SETTLE_S = 5.0
-"""Longest wait for the page to react [s]: two loaded cores."""
+from .conftest import PlayerPage
 
 
 @pytest.fixture(scope="module")
-def phone(browser: Browser, recording: Recording, tmp_path_factory: pytest.TempPathFactory) -> Browser:
+def phone(browser: PlayerPage, recording: Recording, tmp_path_factory: pytest.TempPathFactory) -> PlayerPage:
     browser.driver.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": True, "maxTouchPoints": 2})
-    browser.open(write_player(recording, tmp_path_factory.mktemp("phone") / "run.html"), width_px=WIDTH_PX)
+    browser.open(write_player(recording, tmp_path_factory.mktemp("phone") / "run.html"), width_px=390)
     return browser
 
 
-def _until(browser: Browser, script: str) -> Any:
-    end = time.monotonic() + SETTLE_S
-    while time.monotonic() < end:
-        found = browser.run(script)
-        if found:
-            return found
-        time.sleep(0.05)
-    raise AssertionError(f"waited {SETTLE_S:g} s for: {script}")
+def _until(browser: PlayerPage, script: str) -> None:
+    browser.until(lambda: browser.run(script) or None, script)
 
 
-def _touch(browser: Browser, kind: str, x: float = 0.0, y: float = 0.0) -> None:
+def _touch(browser: PlayerPage, kind: str, x: float = 0.0, y: float = 0.0) -> None:
     points = [] if kind == "touchEnd" else [{"x": x, "y": y}]
     browser.driver.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
 
 
-def _middle(browser: Browser, element: str) -> tuple[float, float]:
+def _middle(browser: PlayerPage, element: str) -> tuple[float, float]:
     browser.run(f"{element}.scrollIntoView({{block: 'center', behavior: 'instant'}})")
     at = None
     while at != (at := browser.run("return window.scrollY")):  # the page rolls on after a swipe
@@ -46,7 +35,7 @@ def _middle(browser: Browser, element: str) -> tuple[float, float]:
     return x, y
 
 
-def _tap(browser: Browser, element: str) -> None:
+def _tap(browser: PlayerPage, element: str) -> None:
     x, y = _middle(browser, element)
     _touch(browser, "touchStart", x, y)
     _touch(browser, "touchEnd")
@@ -55,14 +44,14 @@ def _tap(browser: Browser, element: str) -> None:
 CANVAS = "document.querySelector('.panel canvas')"
 
 
-def test_a_tap_on_a_curve_shows_its_value_there(phone: Browser) -> None:
+def test_a_tap_on_a_curve_shows_its_value_there(phone: PlayerPage) -> None:
     _tap(phone, CANVAS)
-    t_s = _until(phone, "return player.t")
-    assert 2.0 < t_s < 4.0  # the middle of a run of 6 s; the axis takes some of the width
-    assert "–" not in _until(phone, "return document.querySelector('.panel .key b').textContent")
+    _until(phone, "return player.t > 0")
+    assert 2.0 < phone.run("return player.t") < 4.0  # the middle of a run of 6 s; the axis takes some of the width
+    _until(phone, "const value = document.querySelector('.panel .key b').textContent; return value && !value.includes('–')")
 
 
-def test_a_horizontal_drag_moves_the_time_with_the_finger(phone: Browser) -> None:
+def test_a_horizontal_drag_moves_the_time_with_the_finger(phone: PlayerPage) -> None:
     x, y = _middle(phone, CANVAS)
     _touch(phone, "touchStart", x, y)
     for k in range(1, 11):
@@ -71,7 +60,7 @@ def test_a_horizontal_drag_moves_the_time_with_the_finger(phone: Browser) -> Non
     _until(phone, "return player.t > 4.2")
 
 
-def test_a_vertical_swipe_scrolls_the_page(phone: Browser) -> None:
+def test_a_vertical_swipe_scrolls_the_page(phone: PlayerPage) -> None:
     x, y = _middle(phone, CANVAS)
     before, t_s = phone.run("return window.scrollY"), phone.run("return player.t")
     _touch(phone, "touchStart", x, y)
@@ -85,7 +74,7 @@ def test_a_vertical_swipe_scrolls_the_page(phone: Browser) -> None:
     assert phone.run("const box = document.getElementById('eventbox'); return box.scrollHeight <= box.clientHeight + 1")
 
 
-def test_buttons_zoom_in_and_show_the_whole_run_again(phone: Browser) -> None:
+def test_buttons_zoom_in_and_show_the_whole_run_again(phone: PlayerPage) -> None:
     whole = phone.run("return plots.window")
     for label, shown in (("zoom in", "<"), ("whole run", "===")):
         _tap(phone, f"[...document.querySelectorAll('button')].find((b) => b.textContent.trim() === '{label}')")

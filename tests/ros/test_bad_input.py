@@ -29,7 +29,6 @@ from treadline.ros.block_nodes import GuardNode, SeatNode
 from treadline.ros.lockstep import InProcess
 from treadline.ros.node_process import NodeRunner, run_plant
 from treadline.ros.plant_node import PlantNode
-from treadline.ros.wire import Inbox
 from treadline.scenario.chair import read_chair
 
 
@@ -179,20 +178,6 @@ def test_a_first_tick_that_compiles_is_no_standstill(monkeypatch: pytest.MonkeyP
     node = PlantNode(plant, limits())
     run_plant(node, air, stop=Flag(), duration_s=0.01)
     assert node.last_guard.fault is None
-
-
-def test_where_a_queue_is_full_the_oldest_gives_way() -> None:
-    inbox = Inbox()
-    inbox.expect("/imu", 3)
-    inbox.expect("/clock", 1)
-    for k in range(5):
-        inbox.put("/imu", bytes([k]))
-        inbox.put("/clock", bytes([k]))
-    taken = []
-    while (message := inbox.get(0.0)) is not None:
-        taken.append((message[0], message[1][0]))
-    assert taken == [("/imu", 2), ("/imu", 3), ("/imu", 4), ("/clock", 4)]
-    assert inbox.lost == {"/imu": 2}
 
 
 def test_a_node_that_stays_behind_is_waited_for_and_then_given_up() -> None:

@@ -41,21 +41,33 @@ def test_over_a_gap_nothing_is_made_up() -> None:
     assert place.p_OB.tolist() == [0.0, 0.0, 0.0]
 
 
-def test_the_heading_node_says_where_the_chair_is_and_where_its_sensors_sit() -> None:
-    config = MissionConfig(chair=read_chair("wheelchair"), loop="open")
-    node, air = node_of("heading", config), InProcess()
-    said: dict[str, list[Any]] = {on.ODOM: [], on.MOUNTS: []}
+def test_the_heading_node_says_where_the_chair_its_sensors_and_its_joints_are() -> None:
+    """Test: 2.5 s at 0.2 m/s, with a seat at a stroke beyond its end and a flipper at 20°. Expected result: odometry and the angles
+    of the URDF's joints at 20 Hz, the seat's at its end; the sensors' places each second."""
+    chair = read_chair("wheelchair")
+    node, air = node_of("heading", MissionConfig(chair=chair, loop="open")), InProcess()
+    said: dict[str, list[Any]] = {on.ODOM: [], on.MOUNTS: [], on.JOINT_STATES: []}
     for channel, kept in said.items():
         air.subscribe(channel, kept.append)
     node.listen(air)
     for k in range(250):
         node.advance(k / 100)
         air.publish(on.IMU, imu(k / 100))
+        air.publish(on.SEAT, SeatReading(t_s=k / 100, pitch_rad=0.0, stroke_m=chair.levelled_seat.stroke_m[1] + 0.001))
+        air.publish(on.FLIPPER, FlipperReading(t_s=k / 100, angle_rad=math.radians(20.0), torque_n_m=0.0))
         air.publish(on.TRACKS, belts(k / 100, 0.2, 0.2))
         node.tick(k / 100)
-    assert [place.t_s for place in said[on.ODOM]] == pytest.approx([k / 20 for k in range(50)])
+    for channel in (on.ODOM, on.JOINT_STATES):
+        assert [place.t_s for place in said[channel]] == pytest.approx([k / 20 for k in range(50)])
     assert said[on.ODOM][-1].p_OB[0] == pytest.approx(0.2 * 2.45)
     assert [mounts.t_s for mounts in said[on.MOUNTS]] == [0.0, 1.0, 2.0]
+    state = said[on.JOINT_STATES][-1]
+    assert dict(zip(state.names, state.angles_rad, strict=True)) == {
+        "seat_joint": SeatLinkage(chair.levelled_seat).angle_range[1],
+        "flipper_joint": math.radians(20.0),
+    }
+    ((topic, kind, _),) = encoded(on.JOINT_STATES, state, ros1=False)
+    assert (topic, kind) == ("/joint_states", "sensor_msgs/msg/JointState")
 
 
 def test_a_tree_of_frames_leads_from_odometry_to_the_camera() -> None:
@@ -87,25 +99,3 @@ def test_a_tree_of_frames_leads_from_odometry_to_the_camera() -> None:
         R_BC = R_BC @ rotation_of(np.array([turn.w, turn.x, turn.y, turn.z]))
     np.testing.assert_allclose(R_BC, camera.R_BC, atol=1e-12)
     assert frames["base_link"].transform.rotation.z == pytest.approx(math.sin(0.15))
-
-
-def test_joint_angles_are_those_of_the_urdf_at_twenty_hertz() -> None:
-    """Test: a seat at a stroke beyond its end, a flipper at 20°. Expected result: the end's angle, and 20°, with the odometry."""
-    chair = read_chair("wheelchair")
-    node, air, said = node_of("heading", MissionConfig(chair=chair, loop="open")), InProcess(), []
-    air.subscribe(on.JOINT_STATES, said.append)
-    node.listen(air)
-    for k in range(21):
-        node.advance(k / 100)
-        air.publish(on.IMU, imu(k / 100))
-        air.publish(on.SEAT, SeatReading(t_s=k / 100, pitch_rad=0.0, stroke_m=chair.levelled_seat.stroke_m[1] + 0.001))
-        air.publish(on.FLIPPER, FlipperReading(t_s=k / 100, angle_rad=math.radians(20.0), torque_n_m=0.0))
-        air.publish(on.TRACKS, belts(k / 100, 0.2, 0.2))
-        node.tick(k / 100)
-    assert [state.t_s for state in said] == pytest.approx([0.0, 0.05, 0.10, 0.15, 0.20])
-    assert dict(zip(said[-1].names, said[-1].angles_rad, strict=True)) == {
-        "seat_joint": SeatLinkage(chair.levelled_seat).angle_range[1],
-        "flipper_joint": math.radians(20.0),
-    }
-    ((topic, kind, _),) = encoded(on.JOINT_STATES, said[-1], ros1=False)
-    assert (topic, kind) == ("/joint_states", "sensor_msgs/msg/JointState")

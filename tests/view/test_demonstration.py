@@ -11,8 +11,6 @@ from treadline.playback import read_recording
 from treadline.scenario.scenario import read_scenario
 from treadline.view.opening import RECORDING, SCENARIO, LiveOffer, open_demonstration
 
-from .conftest import a_run, session_of
-
 
 def test_the_shipped_recording_is_small_and_of_the_present_format() -> None:
     """Test: the recording that comes with the package. Expected: a whole climb of the present scenario, in 300 kB."""
@@ -35,13 +33,6 @@ def test_the_demonstration_begins_where_the_chair_begins_to_climb_and_starts_aga
     session.seek(session.feed.end_s - 0.1)
     session.advance(1.0)
     assert (session.playing, session.cursor_s) == (True, 0.0)
-
-
-def test_a_recording_that_does_not_repeat_stops_at_its_end() -> None:
-    session = session_of(a_run())
-    session.play(playing=True)
-    session.advance(99.0)
-    assert not session.playing
 
 
 def test_the_live_run_is_offered_once_the_kernels_are_compiled(monkeypatch: pytest.MonkeyPatch) -> None:

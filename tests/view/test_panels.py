@@ -25,8 +25,6 @@ from treadline.view._panels import (
     PANELS,
     RED,
     camera_html,
-    camera_warning,
-    events_html,
     legend_html,
     text_on,
     timeline_html,
@@ -165,6 +163,21 @@ def seen(x_m: float = -1.5, depth_m: float | None = None, found: slice = slice(0
     return before_the_flight(frame(nosings_B[found], **image, **more), x_m)
 
 
+def silent_since(seconds: float, *listed: Moment) -> Session:
+    """Return a session whose last frame was taken so long ago, at 0.06 s; with the moments of a log, if any."""
+    session = before_the_flight(frame(np.ones((2, 3))))
+    session.cursor_s, session.moments.listed = 0.06 + seconds, listed
+    return session
+
+
+def without_truth() -> Session:
+    session = seen(found=slice(1, 2))
+    session.feed.recording.heading_rad[:] = math.nan
+    return session
+
+
+UNSEEN = Moment(t_s=0.0, name="no stair perceived", cause="9 frames, none with a stair", kind="perception", end_s=5.0)
+SILENT = Moment(t_s=2.0, name="no camera frame", cause="from 2.00 s to 3.00 s", kind="perception", end_s=3.0)
 STATES = {
     "a run that has not begun": lambda: session_of(EMPTY, live=True, attended=True),
     "held, and forked": held_and_forked,
@@ -177,6 +190,11 @@ STATES = {
     "something in between": lambda: seen(depth_m=0.4),
     "depth beyond the nosing": lambda: seen(depth_m=9.0),
     "a riser outside of the image": lambda: seen(-0.8, 9.0),
+    "a frame of 0.30 s ago": lambda: silent_since(0.30),
+    "no frame for 0.32 s": lambda: silent_since(0.32),
+    "frames without a stair, which are no silence": lambda: silent_since(1.44, UNSEEN),
+    "a silent camera, in a log of moments": lambda: silent_since(2.44, UNSEEN, SILENT),
+    "nosings of a stair that nobody knows": without_truth,
 }
 GOLDEN = Transcript(Path(__file__).with_name("panels.txt"))
 """Panels as text; ``TREADLINE_ACCEPT=1 pytest tests/view/test_panels.py`` writes them anew."""
@@ -190,43 +208,7 @@ def test_panels_show_what_their_golden_file_says(title: str) -> None:
     GOLDEN.check(title, [line for name, panel in shown.items() for line in (f"# {name}", *PageText(panel(session)).lines)])
 
 
-# ---- camera ----
-
-
-def test_a_silent_camera_is_a_warning_and_shows_no_nosings() -> None:
-    """Test: the last frame at 0.06 s. Expected: fresh to 0.36 s, then a warning instead of "accepted" and "none missed"."""
-    session = before_the_flight(frame(np.ones((2, 3))))
-    session.cursor_s = 0.36
-    assert camera_warning(session) is None
-    assert session.feed.fresh_frame_at(0.36) is not None
-    assert session.feed.fresh_frame_at(0.38) is None
-    session.cursor_s = 20.76
-    assert camera_warning(session) == "no frame for 20.7 s, since 0.06 s: the camera is silent"
-    assert "none missed" not in camera_html(session)
-    assert "last frame of 0.00 s" in camera_html(session)
-
-
-def test_a_log_names_a_stair_that_was_not_perceived_and_a_silent_camera() -> None:
-    """Test: a log of stair maps alone, with its moments. Expected: frames without a stair are no silence of the camera."""
-    session = before_the_flight(frame(np.ones((2, 3))))
-    unseen = Moment(t_s=0.0, name="no stair perceived", cause="9 frames, none with a stair", kind="perception", end_s=5.0)
-    silent = Moment(t_s=2.0, name="no camera frame", cause="from 2.00 s to 3.00 s", kind="perception", end_s=3.0)
-    session.cursor_s, session.moments.listed = 1.5, (unseen,)
-    assert camera_warning(session) == "no stair perceived for 1.5 s; 9 frames, none with a stair"
-    session.cursor_s, session.moments.listed = 2.5, (unseen, silent)
-    assert camera_warning(session) == "no frame for 0.5 s, since 2.00 s: the camera is silent"
-    assert 'data-jump="2.000"' in events_html(session)
-
-
-def test_nothing_is_compared_with_a_stair_that_nobody_knows() -> None:
-    """Test: the same nosings in a log without ground truth. Expected: how many were perceived, and none that was missed; and
-    plots of what was measured alone."""
-    session = before_the_flight(frame(np.empty((0, 3))))
-    session.feed.frames[0] = frame(session.feed.staircase.nosings_W[1:2] - np.array([-1.5, 0.0, 0.0]))
-    session.feed.recording.heading_rad[:] = math.nan
-    page = camera_html(session)
-    assert "perceives 1 nosing" in page
-    assert not any(text in page for text in ("perceives 1 nosing: ", "missed"))
+def test_without_ground_truth_what_was_measured_is_plotted_alone() -> None:
     known = shown_plots(a_run(heading_rad=math.nan, slip=math.nan, margin_rad=math.nan, pitch_rate_rad_s=0.1))
     # Heading, pitch rate, belt speed and seat pitch; neither slip nor tip-over margin.
     assert [plot.curves[0].label for plot in known] == ["estimate ± 2 σ", "measured", "left asked", "measured"]

@@ -99,16 +99,6 @@ def test_detected_planes_lie_on_the_stair(frames: list[ShownFrame], live: Feed) 
     assert np.median(off) < 0.01
 
 
-def test_frames_replace_the_stair_maps_that_came_from_them(folder: Path, frames: list[ShownFrame], live: Feed) -> None:
-    feed = Feed.recorded(read_recording(folder), live.order)
-    maps = len(feed.frames)
-    for frame in frames:
-        feed.take("frame", frame, "images")
-    assert len(feed.frames) >= maps
-    assert all(frame.picture is not None for frame in feed.frames)
-    assert (np.diff([frame.t_s for frame in feed.frames]) > 0.0).all()
-
-
 def test_targets_are_separated(folder: Path, tmp_path: Path) -> None:
     assert is_recorded(str(folder))
     assert is_recorded(str(folder / LOG))

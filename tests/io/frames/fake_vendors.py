@@ -87,7 +87,6 @@ def pyorbbecsdk(
     error: Exception | None = None,
     lens: Any = (0.0,) * 8,
     model: str = "BROWN_CONRADY_K6",
-    pixels: str = "RGB",
 ) -> Made:
     """Return pyorbbecsdk 2 with one camera at 15 Hz; a count is half a millimetre."""
     module = MagicMock(OBError=type("OBError", (Exception,), {}))
@@ -103,7 +102,7 @@ def pyorbbecsdk(
         pipeline.get_device().get_sensor.side_effect = module.OBError("no such sensor")
 
     def image(data: np.ndarray, t_s: float) -> Any:
-        size = {"get_width": data.shape[1], "get_height": data.shape[0], "get_format": pixels}
+        size = {"get_width": data.shape[1], "get_height": data.shape[0], "get_format": "RGB"}
         return getters(get_data=data.reshape(-1).view(np.uint8), get_timestamp_us=1e6 * t_s, get_depth_scale=0.5, **size)
 
     def motion(force: Any) -> Any:

@@ -96,15 +96,8 @@ def test_a_header_that_promises_more_than_the_file_holds_takes_no_memory(tmp_pat
         ("ascii.ply", b"element vertex 1200", b"element vertex 1201", "truncated: 1200 of 1201"),
         ("ascii.ply", b"property float z", b"property float z\nproperty float w", "6 numbers on a line; 7 are declared"),
         ("ascii.ply", b"element vertex", b"element face 1\nproperty list int int i\nelement vertex", "a list stands before"),
-        ("ascii.ply", b"end_header", b"end", "the header has no end"),
-        ("ascii.ply", b"ply\n", b"plz\n", "does not begin with 'ply'"),
-        ("binary_little_endian.ply", b"format binary_little_endian", b"format text", "no format"),
-        ("binary_little_endian.ply", b"property uchar red", b"property colour red", "damaged"),
         ("binary.pcd", b"FIELDS x y z rgb", b"FIELDS x y w rgb", "no field 'z'"),
         ("binary.pcd", b"WIDTH 40", b"WIDTH 41", "1200 points in 41×30"),
-        ("binary.pcd", b"DATA binary", b"DATA zipped", "supported: ascii"),
-        ("binary.pcd", b"SIZE 4 4 4 4", b"SIZE 4 4 4", "damaged"),
-        ("binary.pcd", b"\nDATA", b"\nDATUM", "no line DATA"),
     ],
 )
 def test_damaged_headers_are_named(tmp_path: Path, name: str, old: bytes, new: bytes, words: str) -> None:

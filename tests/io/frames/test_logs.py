@@ -13,17 +13,12 @@ from frame_files import add_cloud, points_of_frame, write_calibration
 
 from treadline.cli import main
 from treadline.core.camera_images import NamedFrame, PinholeCamera, RgbdFrame
-from treadline.core.errors import ImageError, LogFormatError
+from treadline.core.errors import ImageError
 from treadline.io.frames import read_frames
-from treadline.io.frames._recorded_frames import FramesOfLog
 from treadline.io.frames.evaluation import FrameEvaluator
-from treadline.io.frames.point_cloud import FrameOptions
 
 RATE_HZ = 30.0
-ENDINGS = [".mcap", ".bag", ""]
-"""MCAP of ROS 2, bag of ROS 1, folder of a bag of ROS 2."""
 COUNT = 3
-DEPTH, COLOUR = "/camera/depth/image_rect", "/camera/color/image_raw"
 WALL = RgbdFrame(
     t_s=0.0,
     rgb=np.zeros((24, 32, 3), np.uint8),
@@ -41,22 +36,17 @@ def frame(rendered) -> RgbdFrame:
 
 @pytest.fixture
 def walk(recording) -> Walk:
-    """Return a recording of one view: depth, calibration and, if asked, colour."""
+    """Return a recording of one view: depth and calibration."""
 
-    def record(frame: RgbdFrame, *, ros1: bool = False, colour_late_s: float | None = None, depth: str = DEPTH) -> Any:
+    def record(frame: RgbdFrame, *, ros1: bool = False) -> Any:
         log = recording(ros1=ros1)
         for t_s in np.arange(COUNT) / RATE_HZ:
-            log.calibration(depth.rpartition("/")[0] + "/camera_info", t_s, frame.camera)
-            add_depth(log, frame, t_s, depth)
-            if colour_late_s is not None:
-                log.image(COLOUR, t_s + colour_late_s, frame.rgb, "rgb8")
+            log.calibration("/camera/depth/camera_info", t_s, frame.camera)
+            counts = np.round(np.nan_to_num(frame.depth_m) * 1000.0).astype(np.uint16)
+            log.image("/camera/depth/image_rect", t_s, counts, "16UC1")
         return log
 
     return record
-
-
-def add_depth(log: Any, frame: RgbdFrame, t_s: float = 0.0, topic: str = DEPTH) -> None:
-    log.image(topic, t_s, np.round(np.nan_to_num(frame.depth_m) * 1000.0).astype(np.uint16), "16UC1")
 
 
 def headings(source) -> list[float | None]:
@@ -70,7 +60,7 @@ def direct(frame) -> float:
     return heading
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize("ending", [".mcap", ".bag", ""])  # MCAP of ROS 2, bag of ROS 1, folder of a bag of ROS 2
 def test_depth_images_and_clouds_of_a_log_give_the_heading_of_their_frame(
     walk: Walk, recording, frame, tmp_path: Path, ending: str
 ) -> None:
@@ -90,17 +80,6 @@ def test_depth_images_and_clouds_of_a_log_give_the_heading_of_their_frame(
     assert list(source.warnings) == []
 
 
-def test_depth_images_are_preferred_to_clouds_and_one_of_several_can_be_named(walk: Walk, tmp_path: Path) -> None:
-    log = walk(WALL)
-    add_cloud(log, "/points", 0.0, points_of_frame(WALL), (32, 24))
-    path = log.write(tmp_path / "walk.mcap")
-    assert FramesOfLog(path, FrameOptions()).topic == DEPTH
-    assert FramesOfLog(path, FrameOptions(topic="/points")).is_cloud
-    log.messages += walk(WALL, depth="/second/depth/image_rect").messages
-    path = log.write(tmp_path / "two.mcap")
-    assert len(list(read_frames(path, topic="/second/depth/image_rect"))) == COUNT
-
-
 def test_a_calibration_file_has_precedence_over_that_of_the_log(walk: Walk, tmp_path: Path) -> None:
     path = walk(WALL).write(tmp_path / "walk.mcap")
     (first, *_) = read_frames(path, camera=write_calibration(tmp_path / "right.toml", replace(WALL.camera, fx_px=31.0)))
@@ -109,39 +88,6 @@ def test_a_calibration_file_has_precedence_over_that_of_the_log(walk: Walk, tmp_
     small = write_calibration(tmp_path / "small.toml", replace(WALL.camera, width_px=16, height_px=16, cx_px=8.0, cy_px=8.0))
     with pytest.raises(ImageError, match=r"an image of 32×24 at 0\.000 s, calibrated for 16×16"):
         list(read_frames(path, camera=small))
-
-
-@pytest.mark.parametrize(
-    ("late_s", "paired", "warnings"),
-    # Half a second apart: no colour image is of the time of a depth image.
-    [(0.005, True, []), (0.5, False, ["3 of 3 depth images have no colour image within 20 ms and were used without"])],
-)
-def test_depth_and_colour_of_different_times_are_counted(walk: Walk, tmp_path: Path, late_s, paired, warnings) -> None:
-    source = FramesOfLog(walk(WALL, colour_late_s=late_s).write(tmp_path / "a.mcap"), FrameOptions())
-    assert [named.has_colour for named in source] == [paired] * COUNT
-    assert source.warnings == warnings
-
-
-def test_repeated_stamps_and_images_before_a_calibration_are_left_out_and_counted(walk: Walk, recording, tmp_path: Path) -> None:
-    log = recording()
-    add_depth(log, WALL, -0.2)
-    add_depth(log, WALL, -0.1)
-    log.messages += walk(WALL).messages
-    log.messages += log.messages[-1:]
-    source = read_frames(log.write(tmp_path / "walk.mcap"))
-    assert len(list(source)) == COUNT + 1  # the newest image before the calibration waits for it
-    assert source.warnings == [
-        f"1 of 6 messages on {DEPTH} have no later stamp than the one before and were left out",
-        "1 of 6 depth images come before the first calibration and were left out",
-    ]
-
-
-@pytest.mark.parametrize(("share", "words"), [(0.0, "empty"), (0.5, r"cut\.mcap: not a whole log")])
-def test_a_log_that_is_cut_is_refused(walk: Walk, tmp_path: Path, share: float, words: str) -> None:
-    whole = walk(WALL).write(tmp_path / "walk.mcap").read_bytes()
-    (tmp_path / "cut.mcap").write_bytes(whole[: int(share * len(whole))])
-    with pytest.raises(LogFormatError, match=words):
-        read_frames(tmp_path / "cut.mcap")
 
 
 @pytest.mark.parametrize("ending", [".csv", ".jsonl"])
