@@ -145,12 +145,13 @@ def identification_page(folder: Path, model: LinearModel | None = None, judged: 
     """Return the page of an identification whose model and report are changed; ``title``, ``bare``: those of the page."""
     there = found(changes.pop("names", ONE))
     model, records = model or there.model, there.fitted if judged is None else [judged()]
+    fitted = there.fitted if model.D.shape == there.model.D.shape else records
     title, bare = changes.pop("title", "a chair"), changes.pop("bare", False)
     svd = changes.pop("svd", there.svd)
     report = replace(there.report, **({"candidates": candidates(3, 1), "seconds": 0.01} | changes))
     path = folder / "page.html"
     extras = {} if bare else {"intervals": there.intervals, "stabilisation": stabilisation_of_svd(svd, model.dt_s)}
-    write_identification_page(path, model, report, there.fitted, records, title=title, **extras)
+    write_identification_page(path, model, report, fitted, records, title=title, **extras)
     return path.read_text(encoding="utf-8")
 
 
