@@ -3,8 +3,6 @@
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import fields
-from html import escape
 from typing import TYPE_CHECKING, Any, ClassVar
 
 if TYPE_CHECKING:
@@ -54,6 +52,8 @@ class Printable(ABC):
 
     def _repr_html_(self) -> str:
         """Return the table for a notebook (IPython's display protocol)."""
+        from html import escape
+
         title, rows = self.printed()
         cells = "".join(
             f'<tr><th style="text-align:left">{escape(name)}</th><td style="text-align:left">{escape(value)}</td></tr>'
@@ -82,6 +82,8 @@ class Brief:
     __slots__ = ()
 
     def __repr__(self) -> str:
+        from dataclasses import fields  # heavy: it loads inspect
+
         shown = (f"{item.name}={_brief(getattr(self, item.name))}" for item in fields(self))  # type: ignore[arg-type]
         return f"{type(self).__name__}({', '.join(shown)})"
 
