@@ -16,7 +16,6 @@
 
 import sys
 from importlib import import_module
-from importlib.abc import MetaPathFinder
 from typing import TYPE_CHECKING, Any
 
 from treadline.core.printing import Plottable
@@ -60,7 +59,7 @@ _GONE = {
 """Modules that left with version 0.4, and what to use instead; this table leaves with 0.5."""
 
 
-class _GoneModules(MetaPathFinder):
+class _GoneModules:
     """Finder that is asked last: importing a module that left is an error that names its successor."""
 
     def find_spec(self, fullname: str, path: object = None, target: object = None) -> None:
