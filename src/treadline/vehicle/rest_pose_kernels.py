@@ -1,0 +1,263 @@
+"""Compiled core of ``rest_poses``: contact of capsules with a polyline, the pitch at rest, and a pose followed along a move.
+
+All in the vertical plane through the chair's middle: x along the drive, z up, pitch nose up. A chair is rows of ``parts`` (``PART``),
+rows of ``masses`` (``MASS``) and one angle per moving part; with the angles set it is a ``posture``. The ground is rows of vertices
+(x, z, radius).
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from treadline.core.kernel_cache import njit
+
+PART = ("x_m", "z_m", "length_m", "radius_m", "offset_rad", "sign", "joint")
+"""Columns of a part: a capsule from a point in B over a length, at ``offset + sign · angle of its joint`` to the flat run; joint -1
+for a part that does not move. Parts that do not move come first."""
+MASS = ("kg", "x_m", "z_m", "part", "", "", "")
+"""Columns of a mass: its place in B with part -1, or on the axis of a part at a distance from its start. The last row is the seat with
+its load: kg, hinge (x, z), place from the hinge (x, z), and the range of its angle [rad]."""
+STEP_RAD = math.radians(0.5)
+"""Step of the search for the next pose at rest [rad]: below the smallest angle between two rest poses, about 0.7°."""
+HALVINGS = 8
+"""Halvings of a step of the search: 0.5° becomes 0.002°."""
+LOW_RAD, HIGH_RAD = math.radians(-60.0), math.radians(75.0)
+"""Range of the pitch that is searched [rad]; a chair beyond it has tipped over."""
+JUMP_RAD = math.radians(0.5)
+"""Change of the pitch within a move above which the move is divided [rad]."""
+LEAST_PART = 1.0 / 32.0
+"""Smallest part of a move: a pitch that changes by ``JUMP_RAD`` in it has lost its rest pose."""
+SUPPORT_RAD = math.radians(2.0)
+"""Angle by which a chair may turn onto the ground for that ground to count as its support [rad]."""
+
+
+@njit(cache=True)
+def posture(angles: Any, parts: Any, masses: Any) -> tuple[Any, Any]:
+    """Return the axes of the capsules in B at the joints' angles, and what weighs.
+
+    Returns:
+        Rows (start x, z, end x, z, radius, joint), and (kg, x, z of all that turns with the chassis; kg, hinge x, z, place x, z of
+        the seat; range of its angle).
+    """
+    body, weighs = np.empty((parts.shape[0], 6)), np.zeros(10)
+    for k in range(parts.shape[0]):
+        joint = int(parts[k, 6])
+        turn = parts[k, 4] + (parts[k, 5] * angles[joint] if joint >= 0 else 0.0)
+        body[k, 0], body[k, 1], body[k, 4], body[k, 5] = parts[k, 0], parts[k, 1], parts[k, 3], parts[k, 6]
+        body[k, 2] = parts[k, 0] + parts[k, 2] * math.cos(turn)
+        body[k, 3] = parts[k, 1] + parts[k, 2] * math.sin(turn)
+    last = masses.shape[0] - 1
+    for k in range(last):
+        x, z, part = masses[k, 1], masses[k, 2], int(masses[k, 3])
+        if part >= 0:
+            share = x / parts[part, 2]
+            x = body[part, 0] + share * (body[part, 2] - body[part, 0])
+            z = body[part, 1] + share * (body[part, 3] - body[part, 1])
+        weighs[0] += masses[k, 0]
+        weighs[1] += masses[k, 0] * x
+        weighs[2] += masses[k, 0] * z
+    weighs[1] /= weighs[0]
+    weighs[2] /= weighs[0]
+    weighs[3:] = masses[last]
+    return body, weighs
+
+
+@njit(cache=True)
+def contact(
+    th: float, x: float, body: Any, weighs: Any, ground: Any, used: int
+) -> tuple[float, float, float, float, float, float, int, float]:
+    """Return the one contact of a chair that is let down at a pitch.
+
+    Args:
+        used: Number of parts that may touch, the first ones.
+
+    Returns:
+        Lever of the weight ahead of the contact (positive turns the nose down), centre of mass (x, z), contact (x, z), tangent of the
+        slope of the ground at the contact, the part that touches, and the height of B's origin.
+    """
+    c, s = math.cos(th), math.sin(th)
+    top, cx, cz, slope, on = -1e9, 0.0, 0.0, 0.0, -1
+    n = ground.shape[0]
+    for k in range(used):
+        r = body[k, 4]
+        ax, az = x + c * body[k, 0] - s * body[k, 1], s * body[k, 0] + c * body[k, 1]
+        bx, bz = x + c * body[k, 2] - s * body[k, 3], s * body[k, 2] + c * body[k, 3]
+        if bx < ax:
+            ax, az, bx, bz = bx, bz, ax, az
+        wide, high = bx - ax, bz - az
+        length = math.hypot(wide, high)
+        dx, dz = wide / length, high / length
+        first, behind = 0, n
+        while first < behind:
+            mid = (first + behind) // 2
+            if ground[mid, 0] < ax - r:
+                first = mid + 1
+            else:
+                behind = mid
+        i = max(first - 2, 0)
+        while i < n and ground[i, 0] <= bx + r:
+            rho = ground[i, 2]
+            gx, gz, reach = ground[i, 0] + rho, ground[i, 1] - rho, r + rho
+            d = gx - ax - reach * dz
+            if dx > 1e-9 and 0.0 <= d <= wide:  # below the straight part
+                up = gz - az - d * dz / dx + reach * dx
+                if up > top:
+                    top, cx, cz, slope, on = up, gx - rho * dz, gz + rho * dx, dz / dx, k
+            else:
+                for e in range(2):
+                    ex, ez = (ax, az) if e == 0 else (bx, bz)
+                    off = gx - ex
+                    if abs(off) < reach:
+                        drop = math.sqrt(reach * reach - off * off)
+                        up = gz - ez + drop
+                        if up > top:
+                            top, cx, cz, slope, on = up, gx - rho * off / reach, gz + rho * drop / reach, off / max(drop, 1e-9), k
+            if i + 1 < n and ground[i + 1, 0] - gx > 1e-9:
+                m = (ground[i + 1, 1] - ground[i, 1]) / (ground[i + 1, 0] - ground[i, 0])
+                root = math.sqrt(1.0 + m * m)
+                for e in range(2):
+                    ex, ez = (ax, az) if e == 0 else (bx, bz)
+                    tx = ex + r * m / root
+                    if gx <= tx <= ground[i + 1, 0]:
+                        tz = ground[i, 1] + m * (tx - ground[i, 0])
+                        up = tz + r / root - ez
+                        if up > top:
+                            top, cx, cz, slope, on = up, tx, tz, m, k
+            i += 1
+    turned = th - min(max(th, weighs[8]), weighs[9])
+    sc, ss = math.cos(turned), math.sin(turned)
+    kg = weighs[0] + weighs[3]
+    mx = weighs[0] * (c * weighs[1] - s * weighs[2]) + weighs[3] * (c * weighs[4] - s * weighs[5] + sc * weighs[6] - ss * weighs[7])
+    mz = weighs[0] * (s * weighs[1] + c * weighs[2]) + weighs[3] * (s * weighs[4] + c * weighs[5] + ss * weighs[6] + sc * weighs[7])
+    mx, mz = x + mx / kg, mz / kg
+    return mx - cx, mx, top + mz, cx, cz, slope, on, top
+
+
+@njit(cache=True)
+def settle(th: float, x: float, body: Any, weighs: Any, ground: Any) -> tuple[float, float, float, bool]:
+    """Return where a chair at a pitch turns to by its weight.
+
+    Returns:
+        Pitches just below and above the rest pose, height of the centre of mass there, and whether there is such a pose.
+    """
+    used = body.shape[0]
+    first = contact(th, x, body, weighs, ground, used)
+    nose_down = first[0] > 0.0
+    step = -STEP_RAD if nose_down else STEP_RAD
+    a = th
+    while LOW_RAD < a + step < HIGH_RAD:
+        b = a + step
+        if (contact(b, x, body, weighs, ground, used)[0] > 0.0) != nose_down:
+            for _ in range(HALVINGS):
+                m = 0.5 * (a + b)
+                if (contact(m, x, body, weighs, ground, used)[0] > 0.0) == nose_down:
+                    a = m
+                else:
+                    b = m
+            low, high = min(a, b), max(a, b)
+            return low, high, contact(low, x, body, weighs, ground, used)[2], True
+        a = b
+    return a, a, first[2], False
+
+
+@njit(cache=True)
+def follow(
+    th: float, from_x: float, from_angles: Any, to_x: float, to_angles: Any, parts: Any, masses: Any, ground: Any
+) -> tuple[float, float, float, bool]:
+    """Follow the rest pose of a chair over one move of place and joints.
+
+    Returns:
+        Pitch at the end; of the largest fall on the way its angle, and the drop of the centre of mass without what a joint lifts; and
+        whether the chair still stands.
+    """
+    done, size = 0.0, 1.0
+    angle, drop = 0.0, 0.0
+    body, weighs = posture(from_angles, parts, masses)
+    height = contact(th, from_x, body, weighs, ground, body.shape[0])[2]
+    while done < 1.0 - 1e-9:
+        size = min(size, 1.0 - done)
+        part = done + size
+        x = from_x + part * (to_x - from_x)
+        body, weighs = posture(from_angles + part * (to_angles - from_angles), parts, masses)
+        low, _, rests, stands = settle(th, x, body, weighs, ground)
+        turned = abs(low - th)
+        if turned > JUMP_RAD and size > LEAST_PART:
+            size *= 0.5
+            continue
+        if not stands:
+            return low, math.pi, 9.0, False
+        if turned > JUMP_RAD:
+            fell = max(min(height, contact(th, x, body, weighs, ground, body.shape[0])[2]) - rests, 0.0)
+            angle, drop = max(angle, turned), max(drop, fell)
+        th, height, done = low, rests, part
+        size *= 2.0
+    return th, angle, drop, True
+
+
+@njit(cache=True)
+def describe(th: float, x: float, angles: Any, parts: Any, masses: Any, ground: Any, torques: Any, out: Any) -> bool:
+    """Write what holds at the rest pose nearest to a pitch, and return whether there is one.
+
+    Args:
+        torques: Torque of each joint's motor [N m].
+        out: Pitch, height of B's origin, centre of mass (x, z), front contact (x, z), rear contact (x, z), share of the weight at
+            the front contact, friction needed, margin to the front and to the rear [rad], parts at the front and the rear contact;
+            and for each joint the torque by which the ground turns it away [N m].
+    """
+    body, weighs = posture(angles, parts, masses)
+    used = body.shape[0]
+    low, high, _, stands = settle(th, x, body, weighs, ground)
+    if not stands:
+        return False
+    front, rear = contact(low, x, body, weighs, ground, used), contact(high, x, body, weighs, ground, used)
+    span = front[3] - rear[3]
+    share = min(max((front[1] - rear[3]) / span, 0.0), 1.0) if span > 1e-9 else 0.5
+    out[0], out[1], out[2], out[3] = low, front[7], front[1], front[2]
+    out[4], out[5], out[6], out[7], out[8] = front[3], front[4], rear[3], rear[4], share
+    out[9] = abs(share * front[5] + (1.0 - share) * rear[5])
+    out[10] = _margin(low - SUPPORT_RAD, 1.0, front, rear, low, x, body, weighs, ground, torques)
+    out[11] = _margin(high + SUPPORT_RAD, -1.0, rear, front, low, x, body, weighs, ground, torques)
+    out[12], out[13] = front[6], rear[6]
+    out[14:] = 0.0
+    weight_n = 9.81 * (weighs[0] + weighs[3])
+    for which in range(2):
+        at, borne = (front, share) if which == 0 else (rear, 1.0 - share)
+        joint = int(body[at[6], 5])
+        if joint >= 0:
+            out[14 + joint] += borne * weight_n * abs(at[3] - _axis(at[6], low, x, body))
+    return True
+
+
+@njit(cache=True)
+def _axis(part: int, th: float, x: float, body: Any) -> float:
+    """Return where the axis is about which a part turns."""
+    return x + math.cos(th) * body[part, 0] - math.sin(th) * body[part, 1]
+
+
+@njit(cache=True)
+def _margin(
+    turned: float, way: float, near: Any, far: Any, th: float, x: float, body: Any, weighs: Any, ground: Any, torques: Any
+) -> float:
+    """Return the angle by which gravity may turn before the chair turns over the last ground that carries it [rad].
+
+    That is the ground it meets within ``SUPPORT_RAD``. A moving part bears the weight as far as its motor's torque goes, from the
+    last ground under the parts that do not move.
+    """
+    fixed = 0
+    while fixed < body.shape[0] and body[fixed, 5] < 0.0:
+        fixed += 1
+    place, height, on = near[3], near[4], near[6]
+    edge = contact(turned, x, body, weighs, ground, body.shape[0])
+    if edge[6] >= 0 and way * (edge[3] - place) > 0.0:
+        place, height, on = edge[3], edge[4], edge[6]
+    joint = int(body[on, 5])
+    if joint >= 0:
+        lever = abs(place - _axis(on, th, x, body))
+        borne = min(torques[joint] / max(9.81 * (weighs[0] + weighs[3]) * lever, 1e-9), 1.0)
+        held = contact(turned, x, body, weighs, ground, fixed)
+        last, low = far[3], far[4]
+        if held[6] >= 0 and way * (held[3] - last) > 0.0:
+            last, low = held[3], held[4]
+        place, height = last + borne * (place - last), low + borne * (height - low)
+    return math.atan2(way * (place - near[1]), near[2] - height)

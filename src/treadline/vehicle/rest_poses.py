@@ -1,0 +1,160 @@
+"""Rest poses: where a tracked chair comes to rest on a ground profile, and how it falls when that pose vanishes.
+
+``RestChair, ground, place, joint angles -> RestPose``. In the vertical plane through its middle a chair is a list of capsules (flat
+run, fixed nose, flippers), the ground a polyline. A chair at rest touches the ground at two contacts, with its weight between them; a
+place may have several such poses, so that the pose belongs to the state of a chair and is followed (``RestChair.moved``). The seat is
+level within its range. What is lateral stays outside: ``tip_over_margin``, ``quasi_static``.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.core.angles import DEG
+from treadline.core.errors import MechanicsError
+from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription, Point
+from treadline.vehicle.linkage import SeatLinkage
+from treadline.vehicle.rest_pose_kernels import describe, follow
+
+Ground = Float[np.ndarray, "n 3"]
+"""Vertices of the ground: place along the drive [m], height [m], radius of a rounded nosing [m] (``GroundProfile.vertices``)."""
+NOWHERE: Point = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RestPose:
+    """Pose at rest of a chair at a place, with its joints at given angles."""
+
+    x_m: float
+    """Place of mid-track along the drive [m]."""
+    angles_rad: tuple[float, ...]
+    """Angle of each joint [rad]."""
+    pitch_rad: float
+    height_m: float
+    """Height of mid-track, on the belts' lower line [m]."""
+    com_m: tuple[float, float]
+    """Centre of mass along the drive and its height [m]."""
+    front_m: tuple[float, float]
+    """Front contact along the drive and its height [m]."""
+    rear_m: tuple[float, float]
+    """Rear contact [m]."""
+    front_share: float
+    """Share of the weight at the front contact."""
+    friction: float
+    """Friction needed to stand."""
+    front_margin_rad: float
+    """Angle by which gravity may turn before the chair tips over its front; ground within 2° of turning counts as support [rad]."""
+    rear_margin_rad: float
+    """The same over its rear [rad]."""
+    parts: tuple[int, int]
+    """Parts of the chair at the front and the rear contact."""
+    torques_n_m: tuple[float, ...]
+    """Torque with which the ground turns each joint away [N m]."""
+
+    @property
+    def pivot_m(self) -> tuple[float, float]:
+        """Contact that bears the larger share of the weight [m]."""
+        return self.front_m if self.front_share > 0.5 else self.rear_m
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fall:
+    """Fall of a chair whose rest pose vanished, to the next one."""
+
+    angle_rad: float
+    drop_m: float
+    """Height by which the centre of mass sinks [m]."""
+    rate_rad_s: float
+    """Pitch rate at its end by the energy of a point mass that turns about the contact [rad/s]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RestChair:
+    """Chair in the vertical plane: capsules, masses, and the motors of its joints."""
+
+    parts: Float[np.ndarray, "k 7"]
+    """Capsules, by ``rest_pose_kernels.PART``."""
+    masses: Float[np.ndarray, "m 7"]
+    """Masses, by ``rest_pose_kernels.MASS``."""
+    torques_n_m: Float[np.ndarray, " j"]
+    """Torque of each joint's motor [N m]; infinite where the joint is fixed."""
+
+    @property
+    def weight_n(self) -> float:
+        """Weight of chair and load [N]."""
+        return GRAVITY_M_S2 * float(self.masses[:, 0].sum())
+
+    def at(self, ground: Ground, x_m: float, angles_rad: tuple[float, ...], pitch_rad: float) -> RestPose:
+        """Return the rest pose to which a chair turns from a pitch.
+
+        Raises:
+            MechanicsError: If the chair cannot stand there: it turns over.
+        """
+        out = np.empty(14 + self.torques_n_m.size)
+        if not describe(pitch_rad, x_m, np.array(angles_rad), self.parts, self.masses, ground, self.torques_n_m, out):
+            raise MechanicsError(f"the chair cannot stand with its middle at {x_m:.2f} m: it would turn over")
+        pitch, height, com_x, com_z, front_x, front_z, rear_x, rear_z, share, friction, ahead, behind, front, rear, *torques = out.tolist()
+        return RestPose(
+            x_m=x_m,
+            angles_rad=angles_rad,
+            pitch_rad=pitch,
+            height_m=height,
+            com_m=(com_x, com_z),
+            front_m=(front_x, front_z),
+            rear_m=(rear_x, rear_z),
+            front_share=share,
+            friction=friction,
+            front_margin_rad=ahead,
+            rear_margin_rad=behind,
+            parts=(int(front), int(rear)),
+            torques_n_m=tuple(torques),
+        )
+
+    def moved(self, ground: Ground, pose: RestPose, x_m: float, angles_rad: tuple[float, ...]) -> tuple[RestPose, Fall | None]:
+        """Return the pose after a move along which the present one is followed, and the largest fall on the way.
+
+        Raises:
+            MechanicsError: If the chair turns over.
+        """
+        before, after = np.array(pose.angles_rad), np.array(angles_rad)
+        pitch, angle, drop_m, _ = follow(pose.pitch_rad, pose.x_m, before, x_m, after, self.parts, self.masses, ground)
+        rests = self.at(ground, x_m, angles_rad, pitch)
+        if angle == 0.0:
+            return rests, None
+        lever_m = math.dist(rests.com_m, rests.pivot_m)
+        return rests, Fall(angle_rad=angle, drop_m=drop_m, rate_rad_s=math.sqrt(2.0 * GRAVITY_M_S2 * drop_m) / lever_m)
+
+
+def rest_chair(
+    chair: ChairDescription, payload_kg: float, *, offset_m: Point = NOWHERE, seat_shift_m: float = 0.0, torque_n_m: float | None = None
+) -> RestChair:
+    """Return a chair with its load as it rests on the ground.
+
+    Args:
+        payload_kg: Mass of the payload.
+        offset_m: Payload's centre of mass off its nominal place.
+        seat_shift_m: Shift of the seat along the chair.
+        torque_n_m: Torque of the flipper's motor, in place of the chair's own.
+    """
+    tracks, flipper, seat = chair.tracks, chair.flipper, chair.seat
+    half_m, radius_m = 0.5 * tracks.flat_run_m, tracks.pulley_radius_m
+    nose_rad, joint = (tracks.approach_angle_deg * DEG, -1.0) if flipper is None else (0.0, 0.0)
+    parts = [
+        (-half_m, radius_m, tracks.flat_run_m, radius_m, 0.0, 0.0, -1.0),
+        (half_m, radius_m, tracks.approach_m, radius_m, nose_rad, 1.0, joint),
+    ]
+    chassis_x, _, chassis_z = chair.masses.chassis_com_m
+    masses = [(chair.masses.chassis_kg, chassis_x, chassis_z, -1.0, 0.0, 0.0, 0.0)]
+    if flipper is not None:
+        masses.append((flipper.mass_kg, 0.5 * tracks.approach_m, 0.0, 1.0, 0.0, 0.0, 0.0))
+    (hinge_x, _, hinge_z), (out_x, _, out_z) = chair.payload_origin_m, chair.payload_com_m
+    low_rad, high_rad = (0.0, 0.0) if seat is None else SeatLinkage(seat).angle_range
+    shift_m = 0.0 if seat is None else seat_shift_m
+    place = (hinge_x + shift_m, hinge_z, out_x + offset_m[0], out_z + offset_m[2])
+    masses.append((chair.empty_seat_kg + payload_kg, *place, low_rad, high_rad))
+    torque = 0.0 if flipper is None else flipper.torque_n_m
+    return RestChair(
+        parts=np.array(parts), masses=np.array(masses), torques_n_m=np.array([torque if torque_n_m is None else torque_n_m])
+    )
