@@ -1,0 +1,219 @@
+"""Walk: the mission's planner drives a chair that rests on the ground at every instant, without a simulator of motion.
+
+``Scenario, MissionConfig -> Walk``. The planner receives what an errorless camera, IMU and drives would report and moves belts and
+flipper; the chair follows its rest pose (``vehicle.rest_poses``), or falls where that vanishes. What a drive does slowly, and that is
+all that it is meant to do, a walk shows in a fraction of a second: pitch, margins, torque and friction on the whole way. It knows no
+lateral motion and no slip.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.core.angles import DEG
+from treadline.core.errors import MechanicsError
+from treadline.core.rotations import rotation_y
+from treadline.core.signals import FlipperReading, HeadingEstimate, HeadingMeasurement, ImuSample, MotionPlan, StairMap, TrackReading
+from treadline.mission.mission_blocks import planner_of
+from treadline.mission.mission_config import MissionConfig
+from treadline.mission.planner import Planner
+from treadline.plant.sensors.statistical_camera import StatisticalCamera
+from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription
+from treadline.scenario.scenario import Scenario
+from treadline.vehicle.ground_profile import ground_profile
+from treadline.vehicle.rest_poses import Fall, Ground, RestChair, RestPose, rest_chair
+from treadline.vehicle.staircase import as_designed
+from treadline.vehicle.start_pose import standing
+
+STEP_S = 0.05
+"""Time between two poses of a walk [s]: 1 cm of belts, and 0.45° of pitch at the fastest that the planner turns the chair."""
+LOOK_S = 0.2
+"""Time between two maps [s]."""
+LONGEST_S = 600.0
+"""Longest walk [s]."""
+YIELD_RAD = 0.5 * DEG
+"""Step by which a flipper yields whose motor is overloaded [rad]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stride:
+    """One instant of a walk."""
+
+    t_s: float
+    phase: str
+    pose: RestPose
+    rate_rad_s: float
+    """Pitch rate [rad/s], of a fall its end."""
+    fall: Fall | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Walk:
+    """A chair's way over the whole ground, one instant after the other."""
+
+    ground: Ground = field(repr=False)
+    chair: RestChair = field(repr=False)
+    strides: tuple[Stride, ...] = field(repr=False)
+    end: str
+    """How it ended: ``arrived``, ``held``, ``refused``, ``tipped`` or ``time_up``."""
+    cause: str
+    """Why it ended there."""
+
+    @property
+    def fastest(self) -> Stride:
+        """Instant at which the chair turns fastest."""
+        return max(self.strides, key=lambda stride: stride.rate_rad_s)
+
+    @property
+    def least_front(self) -> Stride:
+        """Instant with the least margin to tipping over the front."""
+        return min(self.strides, key=lambda stride: stride.pose.front_margin_rad)
+
+    @property
+    def least_rear(self) -> Stride:
+        """Instant with the least margin to tipping over the rear."""
+        return min(self.strides, key=lambda stride: stride.pose.rear_margin_rad)
+
+    @property
+    def hardest(self) -> Stride:
+        """Instant at which the flipper's motor carries most."""
+        return max(self.strides, key=lambda stride: max(stride.pose.torques_n_m))
+
+    def columns(self) -> dict[str, Float[np.ndarray, " n"]]:
+        """Return place, pitch, pitch rate, margins, flipper angle and torque along the way, for plots."""
+        poses = [stride.pose for stride in self.strides]
+        return {
+            "t_s": np.array([stride.t_s for stride in self.strides]),
+            "x_m": np.array([pose.x_m for pose in poses]),
+            "pitch_rad": np.array([pose.pitch_rad for pose in poses]),
+            "rate_rad_s": np.array([stride.rate_rad_s for stride in self.strides]),
+            "front_margin_rad": np.array([pose.front_margin_rad for pose in poses]),
+            "rear_margin_rad": np.array([pose.rear_margin_rad for pose in poses]),
+            "flipper_rad": np.array([pose.angles_rad[0] for pose in poses]),
+            "torque_n_m": np.array([pose.torques_n_m[0] for pose in poses]),
+        }
+
+
+def walk(scenario: Scenario, chair: ChairDescription, mission: MissionConfig) -> Walk:
+    """Return the walk of a scenario: the chair with its true load, and the planner with what the operator entered.
+
+    Raises:
+        MechanicsError: If the chair cannot stand where it starts.
+    """
+    return _Walker(scenario, chair, mission).walk()
+
+
+class _Walker:
+    """State of a walk."""
+
+    def __init__(self, scenario: Scenario, chair: ChairDescription, mission: MissionConfig) -> None:
+        self._scenario, self._flipper = scenario, chair.flipper
+        load = scenario.chair
+        self._chair = rest_chair(chair, load.payload_kg, offset_m=load.payload_offset_m, seat_shift_m=load.seat_shift_m)
+        staircase = as_designed(scenario.stair, scenario.step)
+        self._ground = ground_profile(staircase).vertices
+        self._planner: Planner = planner_of(mission)
+        camera = chair.camera_at(rear=mission.direction == "down")
+        self._camera = StatisticalCamera(staircase, camera, np.random.default_rng(0), exact=True)
+        start = standing(staircase, chair.tracks, scenario.start)
+        pitch = math.atan2(float(start.R_WB[2, 0]), float(start.R_WB[0, 0]))
+        angles = (chair.tracks.approach_angle_deg * DEG,)
+        self._pose = self._chair.at(self._ground, float(start.p_WB[0]), angles, pitch)
+        self._fastest_m_s2 = chair.drives.max_acceleration_m_s2
+        self._speed_m_s = self._faster_m_s2 = self._rate_rad_s = 0.0
+        self._t_s, self._looked_s = 0.0, -math.inf
+
+    def walk(self) -> Walk:
+        """Walk to the end."""
+        strides = [Stride(t_s=0.0, phase="search", pose=self._pose, rate_rad_s=0.0, fall=None)]
+        while True:
+            plan = self._plan()
+            if plan.phase in ("arrived", "refused") or plan.hold is not None or self._t_s > LONGEST_S:
+                end = plan.phase if plan.phase in ("arrived", "refused") else "held" if plan.hold is not None else "time_up"
+                return self._walked(strides, end, plan.hold or plan.cause)
+            try:
+                fall = self._move(plan)
+            except MechanicsError as error:
+                return self._walked(strides, "tipped", str(error))
+            rate = max(abs(self._rate_rad_s), 0.0 if fall is None else fall.rate_rad_s)
+            strides.append(Stride(t_s=self._t_s, phase=plan.phase, pose=self._pose, rate_rad_s=rate, fall=fall))
+
+    def _walked(self, strides: list[Stride], end: str, cause: str) -> Walk:
+        return Walk(ground=self._ground, chair=self._chair, strides=tuple(strides), end=end, cause=cause)
+
+    def _plan(self) -> MotionPlan:
+        """Return the plan of an instant from what the sensors would report."""
+        t_s, pitch = self._t_s, self._pose.pitch_rad
+        force = (GRAVITY_M_S2 * math.sin(pitch) + self._faster_m_s2, 0.0, GRAVITY_M_S2 * math.cos(pitch))
+        turned = (math.cos(0.5 * pitch), 0.0, -math.sin(0.5 * pitch), 0.0)
+        rates = (0.0, -self._rate_rad_s, 0.0)
+        self._planner.update(ImuSample(t_s=t_s, orientation=turned, angular_velocity_rad_s=rates, linear_acceleration_m_s2=force))
+        self._planner.update(TrackReading(t_s=t_s, left_m_s=self._speed_m_s, right_m_s=self._speed_m_s, brake_on=False))
+        if self._flipper is not None:
+            self._planner.update(FlipperReading(t_s=t_s, angle_rad=self._pose.angles_rad[0], torque_n_m=self._torque()))
+        estimate = self._look()
+        return self._planner.step(t_s, estimate)
+
+    def _look(self) -> HeadingEstimate:
+        """Give the planner a map, if one is due, and return the heading: a walk is square to the stair."""
+        if self._t_s - self._looked_s >= LOOK_S - 1e-9:
+            self._looked_s = self._t_s
+            p_WB = np.array([self._pose.x_m, 0.0, self._pose.height_m])
+            for seen in self._camera.look(self._t_s, rotation_y(-self._pose.pitch_rad), p_WB):
+                if isinstance(seen, StairMap):
+                    self._planner.update(seen)
+                del seen
+        return HeadingEstimate(t_s=self._t_s, heading_rad=0.0, heading_rate_rad_s=0.0, sigma_rad=0.01 * DEG, source="vision")
+
+    def _torque(self) -> float:
+        """Return the torque that the flipper's motor reads: its own weight raised, less what the ground turns up [N m]."""
+        part, pose = self._chair.parts[1], self._pose
+        level = 0.5 * float(part[2]) * math.cos(pose.pitch_rad + pose.angles_rad[0])
+        return float(self._chair.masses[1, 0]) * GRAVITY_M_S2 * level - pose.torques_n_m[0]
+
+    def _move(self, plan: MotionPlan) -> Fall | None:
+        """Move belts and flipper for one step; return the fall on the way, if any."""
+        before = self._pose
+        most = self._fastest_m_s2 * STEP_S
+        faster = min(max(plan.speed_m_s + plan.pitch_feedforward_m_s - self._speed_m_s, -most), most)
+        self._speed_m_s, self._faster_m_s2 = self._speed_m_s + faster, faster / STEP_S
+        angle = before.angles_rad[0]
+        if plan.flipper is not None and self._flipper is not None:
+            low_deg, high_deg = self._flipper.range_deg
+            angle = min(max(angle + plan.flipper.rate_rad_s * STEP_S, low_deg * DEG), high_deg * DEG)
+        along_m = self._speed_m_s * STEP_S
+        x_m = before.x_m + along_m * math.cos(before.pitch_rad)
+        after, fall = self._chair.moved(self._ground, before, x_m, (angle,))
+        after, fall = self._without_slip(before, after, fall, along_m)
+        after, fall = self._yielded(after, fall)
+        self._pose = after
+        turned = after.pitch_rad - before.pitch_rad
+        self._rate_rad_s = (turned if fall is None else 0.0) / STEP_S
+        self._t_s = round(self._t_s + STEP_S, 6)
+        return fall
+
+    def _without_slip(self, before: RestPose, after: RestPose, fall: Fall | None, along_m: float) -> tuple[RestPose, Fall | None]:
+        """Return the pose with the belts where they were on the ground: a chair that turns about a nosing moves over it."""
+        (px, pz), (x, z) = before.pivot_m, (before.x_m, before.height_m)
+        ahead = (px - x) * math.cos(before.pitch_rad) + (pz - z) * math.sin(before.pitch_rad) - along_m
+        above = (pz - z) * math.cos(before.pitch_rad) - (px - x) * math.sin(before.pitch_rad)
+        x_m = px - ahead * math.cos(after.pitch_rad) + above * math.sin(after.pitch_rad)
+        if abs(x_m - after.x_m) < 1e-4:
+            return after, fall
+        moved, further = self._chair.moved(self._ground, after, x_m, after.angles_rad)
+        return moved, _larger(fall, further)
+
+    def _yielded(self, pose: RestPose, fall: Fall | None) -> tuple[RestPose, Fall | None]:
+        """Return the pose after a flipper has yielded that carries more than its motor can."""
+        limit = float(self._chair.torques_n_m[0])
+        while self._flipper is not None and pose.torques_n_m[0] > limit and pose.angles_rad[0] < self._flipper.range_deg[1] * DEG:
+            pose, further = self._chair.moved(self._ground, pose, pose.x_m, (pose.angles_rad[0] + YIELD_RAD,))
+            fall = _larger(fall, further)
+        return pose, fall
+
+
+def _larger(one: Fall | None, other: Fall | None) -> Fall | None:
+    """Return the fall that ends faster."""
+    return max((fall for fall in (one, other) if fall is not None), key=lambda fall: fall.rate_rad_s, default=None)
