@@ -52,7 +52,7 @@ _GONE = {
     "models": "treadline.core.models",
     "nodes": "treadline.ros",
     "ros.zenoh": "the ROS 2 package treadline_ros2",
-    "vehicle.static_stability": "treadline.vehicle.verdict.static_margins, treadline.vehicle.bodies.centre_of_mass",
+    "vehicle.static_stability": "treadline.vehicle.rest_poses.RestChair.least_margins, treadline.vehicle.bodies.centre_of_mass",
     "signals": "treadline.core.signals or treadline.core.camera_images",
     "sim": "treadline.plant.mujoco",
 }

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from treadline.run.run_scores import Scores
     from treadline.scenario import Scenario
     from treadline.scenario.camera_file import CameraFile
-    from treadline.vehicle.verdict import CheckReport
+    from treadline.run.verdict import CheckReport
 
     Data: TypeAlias = ArrayLike | InputOutputRecord | str | Path
 
@@ -100,10 +100,9 @@ def check(scenario: "str | Path | Scenario", *, set: "Mapping[str, object] | Non
         >>> tl.check("up-28", set={"stair.slope_deg": 44}).verdict
         'refuse'
     """
-    from treadline.vehicle.verdict import check as checked
+    from treadline.run.resolve import checked
 
-    settings = read_scenario(scenario, set=set)
-    return checked(settings, settings.read_chair())
+    return checked(read_scenario(scenario, set=set))
 
 
 def identify(

@@ -1,6 +1,6 @@
 """``treadline check``: mechanical feasibility of a scenario."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 from treadline import api
 from treadline.cli._arguments import Set, set_values
@@ -23,7 +23,9 @@ def check(scenario: str | None = None, /, *, changes: Set = None, keys: bool = F
     if scenario is None:
         raise SettingsError("check needs a scenario: a file, or the name of a shipped one; treadline check --keys lists both")
     report = api.check(scenario, set=set_values(changes))
-    return Answer(values=asdict(report), summary=str(report).splitlines(), code=0 if report.verdict == "go" else 1)
+    values = asdict(replace(report, walk=None))
+    del values["walk"]
+    return Answer(values=values, summary=str(report).splitlines(), code=0 if report.verdict == "go" else 1)
 
 
 def _keys() -> Answer:

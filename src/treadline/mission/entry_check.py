@@ -11,8 +11,8 @@ from treadline.core.step_sizes import RISE_M, RUN_M
 from treadline.estimation.known_nosings import SIGMAS
 from treadline.scenario.chair import ChairDescription
 from treadline.vehicle.linkage import SeatLinkage
-from treadline.vehicle.loading import Loading, centre_of_mass_level
-from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD, tipping_margins, worst_support
+from treadline.vehicle.rest_poses import rest_chair
+from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD
 from treadline.vehicle.tracks import minimum_track_length, track_on_stair_m
 
 MEASURED_RAD = 1.0 * DEG
@@ -66,13 +66,9 @@ def reject_reason(chair: ChairDescription, payload_kg: float, rise_m: float, run
     reach = math.inf if chair.seat is None else SeatLinkage(chair.seat).angle_range[1]
     if reach < slope_rad - MEASURED_RAD:
         return f"the stair is {slope_rad / DEG:.1f}° steep, the seat stays level to {reach / DEG:.0f}°; lengthen its stroke"
-    loading = Loading(chair=chair, payload_kg=payload_kg)
-    x_m, z_m = centre_of_mass_level(loading, slope_rad)
-    up = (math.sin(slope_rad), 0.0, math.cos(slope_rad))
-    support = worst_support(chair, math.hypot(rise_m, run_m), loading.weight_n)
-    worst = tipping_margins((x_m, 0.0, z_m), up, support).worst
-    if worst < MARGIN_LIMIT_RAD - UNKNOWN_RAD:
+    margin_rad = min(rest_chair(chair, payload_kg).least_margins(rise_m, run_m, (0.0,)))
+    if margin_rad < MARGIN_LIMIT_RAD - UNKNOWN_RAD:
         least = MARGIN_LIMIT_RAD / DEG
         remedy = "take less payload" if chair.seat is None else "shift the seat or take less payload"
-        return f"the tipping margin would be {worst / DEG:.1f}°, below {least:g}°; {remedy}"
+        return f"the tipping margin would be {margin_rad / DEG:.1f}°, below {least:g}°; {remedy}"
     return None

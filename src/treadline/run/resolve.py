@@ -25,10 +25,10 @@ from treadline.mission.mission_config import (
     source_of_plugin,
 )
 from treadline.mission.plugins import checked_plugin, load_plugin
+from treadline.run.verdict import CheckReport, check
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.scenario import Scenario, read_scenario
 from treadline.scenario.shipped_files import shipped_controller
-from treadline.vehicle.verdict import CheckReport, check
 
 SEAT_SHIFT_M = 0.10
 """Largest shift of the seat along the chair [m] that is applied before a traversal to reach the margin that ``check`` requires."""
@@ -141,19 +141,19 @@ def resolve(
     """
     given = scenario if isinstance(scenario, Scenario) else read_scenario(scenario)
     chair = given.read_chair()
-    report = check(given, chair)
     driver = controller if isinstance(controller, Driver) and not isinstance(controller, type) else None
     design, plugins = resolved_blocks(None if driver is not None else controller, detector, estimator)
     mission = mission_config(given, design, chair=chair, plugins=plugins, open_plant=open_plant)
+    report = check(given, chair, mission)
     run, seat_shift = given, None
     rejections: tuple[str, ...] = ()
     if given.drive.check and report.verdict != "go":
         rejections = tuple(report.reasons)
         if is_full_traversal(mission, driver):
-            run, refusal, seat_shift = ready(given, chair, report)
+            run, refusal, seat_shift = ready(given, report)
             rejections = () if refusal is None else rejections
     if seat_shift is not None:
-        mission = replace(mission, chair=with_seat_shifted(chair, run.chair.seat_shift_m))
+        mission = replace(mission, chair=chair.with_seat_shifted(run.chair.seat_shift_m))
     is_shipped = design is None and plugins.controller is None and driver is None
     if is_shipped and given.control.loop == "closed":
         # A rejected scenario needs no controller.
@@ -189,7 +189,7 @@ def mission_config(
     """
     described = scenario.read_chair() if chair is None else chair
     return MissionConfig(
-        chair=with_seat_shifted(described, scenario.chair.seat_shift_m),
+        chair=described.with_seat_shifted(scenario.chair.seat_shift_m),
         controller=controller,
         plugins=plugins or Plugins(),
         direction=scenario.drive.direction,
@@ -204,31 +204,25 @@ def mission_config(
     )
 
 
-def with_seat_shifted(chair: ChairDescription, shift_m: float) -> ChairDescription:
-    """Return the chair with its seat shifted along the chair, uphill positive [m]; without a seat, the chair itself."""
-    if chair.seat is None:
-        return chair
-    x, y, z = chair.seat.hinge_m
-    return chair.changed(seat={"hinge_m": (x + shift_m, y, z)})
+def checked(scenario: Scenario) -> CheckReport:
+    """Return the verdict on a scenario with the shipped blocks."""
+    chair = scenario.read_chair()
+    return check(scenario, chair, mission_config(scenario, None, chair=chair))
 
 
-def ready(
-    scenario: Scenario, chair: ChairDescription, report: CheckReport | None = None
-) -> tuple[Scenario, str | None, str | None]:
+def ready(scenario: Scenario, report: CheckReport) -> tuple[Scenario, str | None, str | None]:
     """Return the scenario with a feasible seat position, the reason for a refusal, and the shift that was applied.
 
     Args:
-        report: Result of ``check`` on this scenario, if it is known already.
+        report: Result of ``check`` on this scenario, whose remedies have been walked.
     """
-    report = check(scenario, chair) if report is None else report
     if report.verdict == "go":
         return scenario, None, None
     shift_m = report.proposed_seat_shift_m
-    if shift_m is not None and abs(shift_m - scenario.chair.seat_shift_m) <= SEAT_SHIFT_M:
+    if shift_m is not None and len(report.reasons) == 1 and abs(shift_m - scenario.chair.seat_shift_m) <= SEAT_SHIFT_M:
         moved = scenario.changed(chair={"seat_shift_m": shift_m})
-        if check(moved, chair).verdict == "go":
-            was = scenario.chair.seat_shift_m
-            return moved, None, f"seat shifted by {(shift_m - was) * 1000.0:+.0f} mm along the chair: {report.reasons[0]}"
+        by_m = shift_m - scenario.chair.seat_shift_m
+        return moved, None, f"seat shifted by {by_m * 1000.0:+.0f} mm along the chair: {report.reasons[0]}"
     return scenario, "; ".join(report.reasons), None
 
 

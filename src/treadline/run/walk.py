@@ -31,8 +31,6 @@ STEP_S = 0.05
 """Time between two poses of a walk [s]: 1 cm of belts, and 0.45° of pitch at the fastest that the planner turns the chair."""
 LOOK_S = 0.2
 """Time between two maps [s]."""
-LONGEST_S = 600.0
-"""Longest walk [s]."""
 YIELD_RAD = 0.5 * DEG
 """Step by which a flipper yields whose motor is overloaded [rad]."""
 
@@ -57,7 +55,7 @@ class Walk:
     chair: RestChair = field(repr=False)
     strides: tuple[Stride, ...] = field(repr=False)
     end: str
-    """How it ended: ``arrived``, ``held``, ``refused``, ``tipped`` or ``time_up``."""
+    """How it ended: ``arrived``, ``end_of_flight``, ``held``, ``refused``, ``tipped``, ``time_up``, or ``unquiet``."""
     cause: str
     """Why it ended there."""
 
@@ -96,13 +94,16 @@ class Walk:
         }
 
 
-def walk(scenario: Scenario, chair: ChairDescription, mission: MissionConfig) -> Walk:
+def walk(scenario: Scenario, chair: ChairDescription, mission: MissionConfig, *, until_rad_s: float = math.inf) -> Walk:
     """Return the walk of a scenario: the chair with its true load, and the planner with what the operator entered.
+
+    Args:
+        until_rad_s: Pitch rate at which the walk ends.
 
     Raises:
         MechanicsError: If the chair cannot stand where it starts.
     """
-    return _Walker(scenario, chair, mission).walk()
+    return _Walker(scenario, chair, mission).walk(until_rad_s)
 
 
 class _Walker:
@@ -114,6 +115,7 @@ class _Walker:
         self._chair = rest_chair(chair, load.payload_kg, offset_m=load.payload_offset_m, seat_shift_m=load.seat_shift_m)
         staircase = as_designed(scenario.stair, scenario.step)
         self._ground = ground_profile(staircase).vertices
+        self._end_x_m = staircase.flights[0][-1].x_m - 0.5 * chair.tracks.flat_run_m * math.cos(staircase.slope_rad)
         self._planner: Planner = planner_of(mission)
         camera = chair.camera_at(rear=mission.direction == "down")
         self._camera = StatisticalCamera(staircase, camera, np.random.default_rng(0), exact=True)
@@ -125,13 +127,12 @@ class _Walker:
         self._speed_m_s = self._faster_m_s2 = self._rate_rad_s = 0.0
         self._t_s, self._looked_s = 0.0, -math.inf
 
-    def walk(self) -> Walk:
-        """Walk to the end."""
+    def walk(self, until_rad_s: float) -> Walk:
+        """Walk to the end, or until the chair turns so fast."""
         strides = [Stride(t_s=0.0, phase="search", pose=self._pose, rate_rad_s=0.0, fall=None)]
         while True:
             plan = self._plan()
-            if plan.phase in ("arrived", "refused") or plan.hold is not None or self._t_s > LONGEST_S:
-                end = plan.phase if plan.phase in ("arrived", "refused") else "held" if plan.hold is not None else "time_up"
+            if (end := self._end(plan)) is not None:
                 return self._walked(strides, end, plan.hold or plan.cause)
             try:
                 fall = self._move(plan)
@@ -139,6 +140,18 @@ class _Walker:
                 return self._walked(strides, "tipped", str(error))
             rate = max(abs(self._rate_rad_s), 0.0 if fall is None else fall.rate_rad_s)
             strides.append(Stride(t_s=self._t_s, phase=plan.phase, pose=self._pose, rate_rad_s=rate, fall=fall))
+            if rate >= until_rad_s:
+                return self._walked(strides, "unquiet", plan.cause)
+
+    def _end(self, plan: MotionPlan) -> str | None:
+        """Return how the walk ends at a plan; None while it goes on."""
+        if plan.phase in ("arrived", "refused"):
+            return plan.phase
+        if plan.hold is not None:
+            return "held"
+        if plan.phase == "drive" and self._pose.x_m >= self._end_x_m:
+            return "end_of_flight"
+        return "time_up" if self._t_s >= self._scenario.drive.duration_s else None
 
     def _walked(self, strides: list[Stride], end: str, cause: str) -> Walk:
         return Walk(ground=self._ground, chair=self._chair, strides=tuple(strides), end=end, cause=cause)
@@ -148,7 +161,7 @@ class _Walker:
         t_s, pitch = self._t_s, self._pose.pitch_rad
         force = (GRAVITY_M_S2 * math.sin(pitch) + self._faster_m_s2, 0.0, GRAVITY_M_S2 * math.cos(pitch))
         turned = (math.cos(0.5 * pitch), 0.0, -math.sin(0.5 * pitch), 0.0)
-        rates = (0.0, -self._rate_rad_s, 0.0)
+        rates = (0.0, 0.0, 0.0)  # the feed-forward against tipping is for motion that a walk does not have
         self._planner.update(ImuSample(t_s=t_s, orientation=turned, angular_velocity_rad_s=rates, linear_acceleration_m_s2=force))
         self._planner.update(TrackReading(t_s=t_s, left_m_s=self._speed_m_s, right_m_s=self._speed_m_s, brake_on=False))
         if self._flipper is not None:
@@ -196,10 +209,10 @@ class _Walker:
 
     def _without_slip(self, before: RestPose, after: RestPose, fall: Fall | None, along_m: float) -> tuple[RestPose, Fall | None]:
         """Return the pose with the belts where they were on the ground: a chair that turns about a nosing moves over it."""
-        (px, pz), (x, z) = before.pivot_m, (before.x_m, before.height_m)
-        ahead = (px - x) * math.cos(before.pitch_rad) + (pz - z) * math.sin(before.pitch_rad) - along_m
-        above = (pz - z) * math.cos(before.pitch_rad) - (px - x) * math.sin(before.pitch_rad)
-        x_m = px - ahead * math.cos(after.pitch_rad) + above * math.sin(after.pitch_rad)
+        (px, pz), turned = before.pivot_m, after.pitch_rad - before.pitch_rad
+        slope = before.slopes[0] if before.front_share > 0.5 else before.slopes[1]
+        ahead, above = before.x_m - px, before.height_m - pz
+        x_m = px + along_m / math.hypot(1.0, slope) + ahead * math.cos(turned) - above * math.sin(turned)
         if abs(x_m - after.x_m) < 1e-4:
             return after, fall
         moved, further = self._chair.moved(self._ground, after, x_m, after.angles_rad)

@@ -299,6 +299,13 @@ class ChairDescription(Settings):
             raise SettingsError(f"chair {self.name!r} has no seat linkage, so there is nothing to level; describe it in [seat]")
         return self.seat
 
+    def with_seat_shifted(self, shift_m: float) -> "ChairDescription":
+        """Return the chair with its seat shifted along the chair, uphill positive [m]; without a seat, the chair itself."""
+        if self.seat is None:
+            return self
+        x, y, z = self.seat.hinge_m
+        return self.changed(seat={"hinge_m": (x + shift_m, y, z)})
+
     @property
     def payload_origin_m(self) -> Point:
         """Origin of the payload's frame in B [m]: the seat's hinge, or the centre of a payload fixed to the chassis."""

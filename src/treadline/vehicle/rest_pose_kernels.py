@@ -28,6 +28,10 @@ JUMP_RAD = math.radians(0.5)
 """Change of the pitch within a move above which the move is divided [rad]."""
 LEAST_PART = 1.0 / 32.0
 """Smallest part of a move: a pitch that changes by ``JUMP_RAD`` in it has lost its rest pose."""
+WALL_M = 0.005
+"""Height by which the smallest part of a move lifts a chair that has met a wall [m]: a belt at 75° lifts it by a millimetre."""
+RESTS, TURNS_OVER, BLOCKED = 0, 1, 2
+"""Ends of a move."""
 SUPPORT_RAD = math.radians(2.0)
 """Angle by which a chair may turn onto the ground for that ground to count as its support [rad]."""
 
@@ -164,12 +168,12 @@ def settle(th: float, x: float, body: Any, weighs: Any, ground: Any) -> tuple[fl
 @njit(cache=True)
 def follow(
     th: float, from_x: float, from_angles: Any, to_x: float, to_angles: Any, parts: Any, masses: Any, ground: Any
-) -> tuple[float, float, float, bool]:
+) -> tuple[float, float, float, float, int]:
     """Follow the rest pose of a chair over one move of place and joints.
 
     Returns:
-        Pitch at the end; of the largest fall on the way its angle, and the drop of the centre of mass without what a joint lifts; and
-        whether the chair still stands.
+        Pitch at the end; the part of the move that was made; of the largest fall on the way its angle, and the drop of the centre of
+        mass without what a joint lifts; and ``RESTS``, ``TURNS_OVER``, or ``BLOCKED`` by a wall, which would lift the chair at once.
     """
     done, size = 0.0, 1.0
     angle, drop = 0.0, 0.0
@@ -186,13 +190,15 @@ def follow(
             size *= 0.5
             continue
         if not stands:
-            return low, math.pi, 9.0, False
+            return low, done, math.pi, 9.0, TURNS_OVER
         if turned > JUMP_RAD:
+            if rests - height > WALL_M:
+                return th, done, angle, drop, BLOCKED
             fell = max(min(height, contact(th, x, body, weighs, ground, body.shape[0])[2]) - rests, 0.0)
             angle, drop = max(angle, turned), max(drop, fell)
         th, height, done = low, rests, part
         size *= 2.0
-    return th, angle, drop, True
+    return th, 1.0, angle, drop, RESTS
 
 
 @njit(cache=True)
@@ -202,8 +208,8 @@ def describe(th: float, x: float, angles: Any, parts: Any, masses: Any, ground: 
     Args:
         torques: Torque of each joint's motor [N m].
         out: Pitch, height of B's origin, centre of mass (x, z), front contact (x, z), rear contact (x, z), share of the weight at
-            the front contact, friction needed, margin to the front and to the rear [rad], parts at the front and the rear contact;
-            and for each joint the torque by which the ground turns it away [N m].
+            the front contact, slopes of the ground at both contacts, margin to the front and to the rear [rad], parts at both
+            contacts; and for each joint the torque by which the ground turns it away [N m].
     """
     body, weighs = posture(angles, parts, masses)
     used = body.shape[0]
@@ -215,17 +221,17 @@ def describe(th: float, x: float, angles: Any, parts: Any, masses: Any, ground: 
     share = min(max((front[1] - rear[3]) / span, 0.0), 1.0) if span > 1e-9 else 0.5
     out[0], out[1], out[2], out[3] = low, front[7], front[1], front[2]
     out[4], out[5], out[6], out[7], out[8] = front[3], front[4], rear[3], rear[4], share
-    out[9] = abs(share * front[5] + (1.0 - share) * rear[5])
-    out[10] = _margin(low - SUPPORT_RAD, 1.0, front, rear, low, x, body, weighs, ground, torques)
-    out[11] = _margin(high + SUPPORT_RAD, -1.0, rear, front, low, x, body, weighs, ground, torques)
-    out[12], out[13] = front[6], rear[6]
-    out[14:] = 0.0
+    out[9], out[10] = front[5], rear[5]
+    out[11] = _margin(low - SUPPORT_RAD, 1.0, front, rear, low, x, body, weighs, ground, torques)
+    out[12] = _margin(high + SUPPORT_RAD, -1.0, rear, front, low, x, body, weighs, ground, torques)
+    out[13], out[14] = front[6], rear[6]
+    out[15:] = 0.0
     weight_n = 9.81 * (weighs[0] + weighs[3])
     for which in range(2):
         at, borne = (front, share) if which == 0 else (rear, 1.0 - share)
         joint = int(body[at[6], 5])
         if joint >= 0:
-            out[14 + joint] += borne * weight_n * abs(at[3] - _axis(at[6], low, x, body))
+            out[15 + joint] += borne * weight_n * abs(at[3] - _axis(at[6], low, x, body))
     return True
 
 

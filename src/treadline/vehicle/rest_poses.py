@@ -16,11 +16,13 @@ from treadline.core.angles import DEG
 from treadline.core.errors import MechanicsError
 from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription, Point
 from treadline.vehicle.linkage import SeatLinkage
-from treadline.vehicle.rest_pose_kernels import describe, follow
+from treadline.vehicle.rest_pose_kernels import BLOCKED, describe, follow
 
 Ground = Float[np.ndarray, "n 3"]
 """Vertices of the ground: place along the drive [m], height [m], radius of a rounded nosing [m] (``GroundProfile.vertices``)."""
 NOWHERE: Point = (0.0, 0.0, 0.0)
+LONG_FLIGHT_M, PHASES = 3.0, 41
+"""Half of a flight that is longer than any chair [m], and number of places over one of its steps."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,8 +44,8 @@ class RestPose:
     """Rear contact [m]."""
     front_share: float
     """Share of the weight at the front contact."""
-    friction: float
-    """Friction needed to stand."""
+    slopes: tuple[float, float]
+    """Tangents of the ground's slope at the front and the rear contact, positive rising ahead."""
     front_margin_rad: float
     """Angle by which gravity may turn before the chair tips over its front; ground within 2° of turning counts as support [rad]."""
     rear_margin_rad: float
@@ -57,6 +59,11 @@ class RestPose:
     def pivot_m(self) -> tuple[float, float]:
         """Contact that bears the larger share of the weight [m]."""
         return self.front_m if self.front_share > 0.5 else self.rear_m
+
+    @property
+    def friction(self) -> float:
+        """Friction needed to stand: slopes of the contacts, weighted by their shares of the weight."""
+        return abs(self.front_share * self.slopes[0] + (1.0 - self.front_share) * self.slopes[1])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,10 +99,10 @@ class RestChair:
         Raises:
             MechanicsError: If the chair cannot stand there: it turns over.
         """
-        out = np.empty(14 + self.torques_n_m.size)
+        out = np.empty(15 + self.torques_n_m.size)
         if not describe(pitch_rad, x_m, np.array(angles_rad), self.parts, self.masses, ground, self.torques_n_m, out):
             raise MechanicsError(f"the chair cannot stand with its middle at {x_m:.2f} m: it would turn over")
-        pitch, height, com_x, com_z, front_x, front_z, rear_x, rear_z, share, friction, ahead, behind, front, rear, *torques = out.tolist()
+        pitch, height, com_x, com_z, front_x, front_z, rear_x, rear_z, share, rising, falling, ahead, behind, front, rear, *torques = out.tolist()
         return RestPose(
             x_m=x_m,
             angles_rad=angles_rad,
@@ -105,7 +112,7 @@ class RestChair:
             front_m=(front_x, front_z),
             rear_m=(rear_x, rear_z),
             front_share=share,
-            friction=friction,
+            slopes=(rising, falling),
             front_margin_rad=ahead,
             rear_margin_rad=behind,
             parts=(int(front), int(rear)),
@@ -115,16 +122,40 @@ class RestChair:
     def moved(self, ground: Ground, pose: RestPose, x_m: float, angles_rad: tuple[float, ...]) -> tuple[RestPose, Fall | None]:
         """Return the pose after a move along which the present one is followed, and the largest fall on the way.
 
+        A wall ends the move before.
+
         Raises:
             MechanicsError: If the chair turns over.
         """
         before, after = np.array(pose.angles_rad), np.array(angles_rad)
-        pitch, angle, drop_m, _ = follow(pose.pitch_rad, pose.x_m, before, x_m, after, self.parts, self.masses, ground)
+        pitch, part, angle, drop_m, ends = follow(
+            pose.pitch_rad, pose.x_m, before, x_m, after, self.parts, self.masses, ground
+        )
+        if ends == BLOCKED:
+            x_m, angles_rad = pose.x_m + part * (x_m - pose.x_m), tuple((before + part * (after - before)).tolist())
         rests = self.at(ground, x_m, angles_rad, pitch)
         if angle == 0.0:
             return rests, None
         lever_m = math.dist(rests.com_m, rests.pivot_m)
         return rests, Fall(angle_rad=angle, drop_m=drop_m, rate_rad_s=math.sqrt(2.0 * GRAVITY_M_S2 * drop_m) / lever_m)
+
+    def least_margins(self, rise_m: float, run_m: float, angles_rad: tuple[float, ...]) -> tuple[float, float]:
+        """Return the least margins to the front and to the rear on a long flight, over one step of it [rad]; 0 if it does not rest.
+
+        Args:
+            rise_m: Rise of the steps; 0 is a level floor.
+            run_m: Run of the steps.
+            angles_rad: Angles of the joints.
+        """
+        count = math.ceil(LONG_FLIGHT_M / run_m)
+        steps = np.arange(-count, count + 1.0)
+        ground = np.stack([steps.repeat(2) * run_m, (steps.repeat(2) + np.tile([-1.0, 0.0], steps.size)) * rise_m, 0.0 * steps.repeat(2)], axis=1)
+        try:
+            pose = self.at(ground, 0.0, angles_rad, math.atan2(rise_m, run_m))
+            poses = [pose := self.moved(ground, pose, x_m, angles_rad)[0] for x_m in np.linspace(0.0, run_m, PHASES).tolist()]
+        except MechanicsError:
+            return 0.0, 0.0
+        return min(one.front_margin_rad for one in poses), min(one.rear_margin_rad for one in poses)
 
 
 def rest_chair(

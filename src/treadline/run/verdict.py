@@ -1,25 +1,33 @@
 """``treadline check``: whether a chair may climb a stair, judged by mechanics before any motion.
 
-Each refusal states its number and a remedy.
+``Scenario, ChairDescription, MissionConfig -> CheckReport``. What a map or a data sheet excludes is refused at once; else the mission's
+planner walks the whole ground (``run.walk``), and a scenario is ``go`` exactly where that walk is quiet. Each refusal states its number
+and a remedy; a remedy against an unquiet walk has been walked.
 """
 
 import itertools
 import math
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from treadline.core.angles import DEG, radians_hint
 from treadline.core.printing import Printable
 from treadline.core.step_sizes import RISE_M, RUN_M, SINGLE_RISE_M
+from treadline.mission.mission_config import MissionConfig
+from treadline.run.walk import Stride, Walk, walk
 from treadline.scenario.chair import ChairDescription, Tracks
 from treadline.scenario.scenario import SEAT_SHIFT_M, Chair, Scenario, Stair
 from treadline.vehicle._start_checks import checked_start
 from treadline.vehicle.bodies import centre_of_mass, oversized_lugs
-from treadline.vehicle.climb import Climb, climb_of, widest_spacing_m
+from treadline.vehicle.climb import Climb, climb_of
 from treadline.vehicle.linkage import SeatLinkage
 from treadline.vehicle.loading import Loading
 from treadline.vehicle.staircase import as_designed
 from treadline.vehicle.start_pose import length_m
-from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD, Margins, tipping_margins, worst_support
+from treadline.vehicle.rest_poses import rest_chair
+from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD, Margins, Support, tipping_margins
 from treadline.vehicle.tracks import (
     friction_use,
     largest_heading_rad,
@@ -40,8 +48,10 @@ TURNED_RAD = 2.0 * DEG
 the deviation of a run."""
 SIDES = ("uphill", "downhill", "left", "right")
 """Directions of tipping."""
-SHIFT_STEP_M, SHIFT_LIMIT_M = 0.01, 0.20
-"""Step and limit of the search for a seat shift [m]."""
+QUIET_RAD_S = 15.0 * DEG
+"""Pitch rate of a quiet drive [rad/s]: the planner turns a chair at 9°/s, and half as much again remains for nosings."""
+SHIFTS_M = (0.02, -0.02, 0.05, -0.05, 0.1, -0.1)
+"""Shifts of the seat that are tried as a remedy [m]."""
 END_CLEAR_M = 0.40
 """Distance of the belts from a drop at a landing's far end [m]: the guard keeps 0.34 m and the stopping distance at 0.1 m/s."""
 LANDING_SPARE_M = 0.60
@@ -77,6 +87,8 @@ class CheckReport(Printable):
     nosings_in_view: int | None = None
     """Number of nosings in view of the camera from the start, 0 where fewer than two are; None in open loop, which uses no camera,
     and where the chair cannot stand there."""
+    walk: Walk | None = None
+    """The planner's way over the whole ground, for plots; None where the scenario is refused without it."""
 
     def printed(self) -> tuple[str, list[tuple[str, str]]]:
         """Return the verdict, the margins and the reasons."""
@@ -103,41 +115,52 @@ class CheckReport(Printable):
         return self.verdict, rows
 
 
-def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
-    """Return the verdict on a scenario."""
+def check(scenario: Scenario, chair: ChairDescription, mission: MissionConfig) -> CheckReport:
+    """Return the verdict on a scenario.
+
+    Args:
+        mission: The mission, with what the operator would enter.
+
+    Raises:
+        MechanicsError: If the chair cannot stand where it starts.
+    """
     stair, loading = scenario.stair, scenario.chair.entered
     start_problems, nosings_in_view = checked_start(scenario, chair)
     # On floor and landing the chair turns square before it enters.
     heading = scenario.start.heading_deg * DEG if scenario.start.place == "flight" else 0.0
     climb = climb_of(scenario, chair)
     slope = climb.slope_rad
-    margins = static_margins(chair, loading, slope, climb.spacing_m, heading)
-    needs_shift = chair.seat is not None and margins.worst < MARGIN_LIMIT_RAD
-    shift = _shift_that_helps(chair, loading, climb, heading) if needs_shift else None
     seat_range = None if chair.seat is None else SeatLinkage(chair.seat).angle_range
     length_m = track_on_stair_m(chair)
     is_flight = climb.spacing_m is not None
-    reasons = (
-        _beyond_rating(chair, climb, loading.payload_kg),
-        _too_short(stair, length_m) if is_flight else _beyond_the_flipper(chair, climb),
-        _too_slippery(stair, climb, heading),
-        _too_far_apart(chair, loading, climb, margins, heading) or _too_unstable(margins, chair, loading, shift),
-        _too_heavy_for_the_brakes(chair, loading.payload_kg, climb),
-        None if seat_range is None else _too_steep_for_the_seat(seat_range[1], climb),
-        _no_seat_to_shift(scenario.chair, chair),
-        _too_wide_a_gap(scenario, chair.tracks),
-        _too_short_a_landing(stair, chair.tracks),
-        _too_short_to_arrive(scenario, chair),
-        _undetectable_steps(scenario, climb),
-        _turning_flights(stair),
-        _winders(stair),
-        _turned_nosings(scenario),
-        *start_problems,
-        oversized_lugs(scenario.belts, chair.tracks),
-    )
+    reasons = [
+        reason
+        for reason in (
+            _beyond_rating(chair, climb, loading.payload_kg),
+            _too_slippery(stair, climb, heading),
+            _too_heavy_for_the_brakes(chair, loading.payload_kg, climb),
+            None if seat_range is None else _too_steep_for_the_seat(seat_range[1], climb),
+            _no_seat_to_shift(scenario.chair, chair),
+            _too_short_a_landing(stair, chair.tracks),
+            _too_short_to_arrive(scenario, chair),
+            _undetectable_steps(scenario, climb),
+            _turning_flights(stair),
+            _winders(stair),
+            _turned_nosings(scenario),
+            *start_problems,
+            oversized_lugs(scenario.belts, chair.tracks),
+        )
+        if reason is not None
+    ]
+    walked = None if reasons else walk(scenario, chair, mission)
+    margins = least_margins(chair, loading, climb, heading, walked)
+    shift = None
+    if walked is not None:
+        unquiet, shift = _unquiet(scenario, chair, mission, walked)
+        reasons += [reason for reason in (unquiet, _leans(margins)) if reason is not None]
     return CheckReport(
-        verdict="refuse" if any(reasons) else "go",
-        reasons=[reason for reason in reasons if reason],
+        verdict="refuse" if reasons else "go",
+        reasons=reasons,
         track_length_margin_m=length_m - minimum_track_length(stair.rise_m, stair.run_m) if is_flight else None,
         nosings_in_contact=nosings_touched(length_m, climb.pitch_m, climb.pitch_m) if is_flight else 1,
         friction_needed=math.tan(slope),
@@ -149,23 +172,89 @@ def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
         proposed_seat_shift_m=shift,
         warnings=_unit_warnings(scenario, chair),
         nosings_in_view=nosings_in_view,
+        walk=walked,
     )
 
 
-def static_margins(chair: ChairDescription, loading: Chair, slope_rad: float, pitch_m: float | None, heading_rad: float) -> Margins:
-    """Return the tip-over margins of a chair at rest on a stair, with the seat, if it has a linkage, levelled against the pitch.
+def least_margins(chair: ChairDescription, loading: Chair, climb: Climb, heading_rad: float, walked: Walk | None) -> Margins:
+    """Return the least tip-over margins on the way; without a walk, those of a long flight with such steps.
 
-    A square chair lays its flipper along the flight, where it supports the front; a turned chair lifts it to turn.
-
-    Args:
-        pitch_m: Largest distance between neighbouring nosings [m]; None for a single one: floor and landing bear the belts' ends.
+    A front margin is ``uphill`` and a rear margin is ``downhill``: the chair faces up in both directions. Sideways the chair stands on
+    its belts' outer edges.
     """
-    up = (math.sin(slope_rad) * math.cos(heading_rad), -math.sin(slope_rad) * math.sin(heading_rad), math.cos(slope_rad))
-    pitch = math.asin(up[0])
-    com = centre_of_mass(chair, loading, pitch)
-    lifted = heading_rad != 0.0 or pitch_m is None
-    weight_n = None if lifted else Loading(chair=chair, payload_kg=loading.payload_kg).weight_n
-    return tipping_margins(com, up, worst_support(chair, pitch_m or 0.0, weight_n))
+    up = (math.sin(climb.slope_rad) * math.cos(heading_rad), -math.sin(climb.slope_rad) * math.sin(heading_rad), math.cos(climb.slope_rad))
+    half_width_m = 0.5 * (chair.tracks.gauge_m + chair.tracks.belt_width_m)
+    support = Support(front_m=math.inf, rear_m=math.inf, left_m=half_width_m, right_m=half_width_m)
+    sideways = tipping_margins(centre_of_mass(chair, loading, math.asin(up[0])), up, support)
+    if walked is not None:
+        front, rear = walked.least_front.pose.front_margin_rad, walked.least_rear.pose.rear_margin_rad
+    else:
+        loaded = rest_chair(chair, loading.payload_kg, offset_m=loading.payload_offset_m, seat_shift_m=loading.seat_shift_m)
+        front, rear = loaded.least_margins(climb.rise_m, math.sqrt(climb.pitch_m**2 - climb.rise_m**2), (0.0,))
+    return replace(sideways, uphill=front, downhill=rear)
+
+
+def _unquiet(scenario: Scenario, chair: ChairDescription, mission: MissionConfig, walked: Walk) -> tuple[str | None, float | None]:
+    """Return why a walk is not quiet, with the first remedy that makes it so, and the seat shift if that is the remedy."""
+    why = _fault_of(walked)
+    if why is None:
+        return None, None
+    for remedy, changed, other, tuned, shift_m in _remedies(scenario, chair, mission):
+        if _fault_of(walk(changed, other, tuned, until_rad_s=QUIET_RAD_S)) is None:
+            return f"{why}; {remedy}", shift_m
+    return f"{why}; take another way", None
+
+
+def _fault_of(walked: Walk) -> str | None:
+    """Return the worst moment of a walk that does not end well, or not quietly, in words."""
+    last, fastest = walked.strides[-1], walked.fastest
+    if fastest.rate_rad_s >= QUIET_RAD_S:
+        return f"{_where(walked, fastest)} the chair would turn at {fastest.rate_rad_s / DEG:.0f}°/s, above {QUIET_RAD_S / DEG:g}"
+    if walked.end in ("held", "refused", "tipped"):
+        return f"{_where(walked, last)}: {walked.cause}"
+    return None
+
+
+def _where(walked: Walk, stride: Stride) -> str:
+    """Return the place of an instant in words."""
+    ends = walked.ground[np.flatnonzero(walked.ground[:, 2] > 0.0), 0]
+    nearest = int(np.argmin(np.abs(ends - stride.pose.com_m[0]))) if ends.size else 0
+    named = "the last nosing" if nearest == ends.size - 1 else f"nosing {nearest}"
+    return f"at {named}, {stride.t_s:.0f} s after the start ({stride.phase})"
+
+
+def _remedies(
+    scenario: Scenario, chair: ChairDescription, mission: MissionConfig
+) -> Iterator[tuple[str, Scenario, ChairDescription, MissionConfig, float | None]]:
+    """Yield what may make a walk quiet: words, and the scenario, chair and mission with it; and the seat shift, if it is one."""
+    at_m, load_kg = scenario.chair.seat_shift_m, scenario.chair.payload_kg
+    for by_m in SHIFTS_M if chair.seat is not None else ():
+        shift_m = round(at_m + by_m, 3)
+        if SEAT_SHIFT_M[0] <= shift_m <= SEAT_SHIFT_M[1]:
+            words = f"shift the seat {abs(by_m) * 1000.0:.0f} mm {'uphill' if by_m > 0.0 else 'downhill'}"
+            moved = replace(mission, chair=chair.with_seat_shifted(shift_m))
+            yield words, scenario.changed(chair={"seat_shift_m": shift_m}), chair, moved, shift_m
+    for share in (0.75, 0.5):
+        lighter_kg = round(share * load_kg)
+        words = f"take {lighter_kg} kg at most"
+        yield words, scenario.changed(chair={"payload_kg": lighter_kg}), chair, replace(mission, payload_kg=lighter_kg), None
+    if chair.flipper is not None:
+        for words, change in (
+            (f"a flipper with {1.5 * chair.flipper.torque_n_m:.0f} N m would do", {"torque_n_m": 1.5 * chair.flipper.torque_n_m}),
+            ("a flipper that turns down to -90° would do", {"range_deg": (-90.0, chair.flipper.range_deg[1])}),
+        ):
+            other = chair.changed(flipper=change)
+            yield words, scenario, other, replace(mission, chair=mission.chair.changed(flipper=change)), None
+
+
+def _leans(margins: Margins) -> str | None:
+    """Return to which side the chair leans too much."""
+    side = min(("left", "right"), key=lambda name: float(getattr(margins, name)))
+    margin_rad = float(getattr(margins, side))
+    if margin_rad >= MARGIN_LIMIT_RAD:
+        return None
+    text = f"the tipping margin {side} is {margin_rad / DEG:.1f}°, below {MARGIN_LIMIT_RAD / DEG:g}°; "
+    return text + f"move the payload to the {'right' if side == 'left' else 'left'}, or start squarer"
 
 
 def _unit_warnings(scenario: Scenario, chair: ChairDescription) -> list[str]:
@@ -213,33 +302,6 @@ def _turned_nosings(scenario: Scenario) -> str | None:
     return None
 
 
-def _too_short(stair: Stair, length_m: float) -> str | None:
-    lacking_m = minimum_track_length(stair.rise_m, stair.run_m) - length_m
-    if lacking_m < 0.0:
-        return None
-    pitch = math.hypot(stair.rise_m, stair.run_m)
-    return f"the track is {lacking_m:.3f} m too short for two nosings of {pitch:.3f} m pitch; use a longer track"
-
-
-def _beyond_the_flipper(chair: ChairDescription, climb: Climb) -> str | None:
-    """Return why the front cannot get over a single nosing, or not down from it.
-
-    With the middle of the belts on the nosing, the flipper stands on the landing a kerb's height below its axis.
-    """
-    flipper, length_m = chair.flipper, chair.tracks.approach_m
-    if flipper is None:
-        highest_m = float(chair.nose_m[2])
-    else:
-        low_rad = -flipper.range_deg[0] * DEG
-        heights = (0.001 * mm for mm in range(1, round(1e3 * min(length_m, climb.half_run_m))))
-        reached = (h for h in heights if math.asin(h / climb.half_run_m) + math.asin(h / length_m) <= low_rad)
-        highest_m = max(reached, default=0.0)
-    if climb.rise_m <= highest_m:
-        return None
-    part = "nose" if flipper is None else "flipper"
-    return f"the kerb is {climb.rise_m:.2f} m high, the {part} of chair '{chair.name}' reaches {highest_m:.2f} m; take another way"
-
-
 def _too_slippery(stair: Stair, climb: Climb, heading_rad: float) -> str | None:
     friction, needed = stair.mean_friction[0], TRACTION_RESERVE * math.tan(climb.slope_rad)
     if friction < needed:
@@ -254,46 +316,6 @@ def _too_slippery(stair: Stair, climb: Climb, heading_rad: float) -> str | None:
         f"at a heading of {heading_rad / DEG:.0f}° the chair slides (friction use {use:.2f}); start squarer than "
         f"{largest_heading_rad(climb.slope_rad, stair.mean_friction) / DEG:.0f}°"
     )
-
-
-def _too_far_apart(chair: ChairDescription, loading: Chair, climb: Climb, margins: Margins, heading_rad: float) -> str | None:
-    """Return the tip-over margin where the usual steps of the flight would leave enough, and missing or long ones do not."""
-    if margins.worst >= MARGIN_LIMIT_RAD or climb.spacing_m is None:
-        return None
-    if static_margins(chair, loading, climb.slope_rad, climb.pitch_m, heading_rad).worst < MARGIN_LIMIT_RAD:
-        return None
-    return (
-        f"the tipping margin is {margins.worst / DEG:.1f}°, below {MARGIN_LIMIT_RAD / DEG:g}°, where two nosings are "
-        f"{climb.spacing_m:.2f} m apart; mend the steps or take another way"
-    )
-
-
-def _too_unstable(margins: Margins, chair: ChairDescription, loading: Chair, shift_m: float | None) -> str | None:
-    if margins.worst >= MARGIN_LIMIT_RAD:
-        return None
-    side = min(SIDES, key=lambda name: float(getattr(margins, name)))
-    text = f"the tipping margin {side} is {margins.worst / DEG:.1f}°, below {MARGIN_LIMIT_RAD / DEG:g}°; "
-    if shift_m is None and side in ("left", "right"):
-        return text + f"move the payload to the {'right' if side == 'left' else 'left'}, or start squarer"
-    if shift_m is None:
-        if chair.seat is None:
-            return text + "take less payload, a less steep stair, or masses lower or further from that side"
-        return text + "take less payload, or sit lower"
-    change = shift_m - loading.seat_shift_m
-    return text + f"shift the seat {abs(change) * 1000.0:.0f} mm {'uphill' if change > 0.0 else 'downhill'}"
-
-
-def _shift_that_helps(chair: ChairDescription, loading: Chair, climb: Climb, heading_rad: float) -> float | None:
-    """Return the smallest seat shift that reaches the margin, or None."""
-    for k in range(1, round(SHIFT_LIMIT_M / SHIFT_STEP_M) + 1):
-        for sign in (1.0, -1.0):
-            shift = round(loading.seat_shift_m + sign * k * SHIFT_STEP_M, 4)
-            if not SEAT_SHIFT_M[0] <= shift <= SEAT_SHIFT_M[1]:
-                continue
-            moved = loading.model_copy(update={"seat_shift_m": shift})
-            if static_margins(chair, moved, climb.slope_rad, climb.spacing_m, heading_rad).worst >= MARGIN_LIMIT_RAD:
-                return shift
-    return None
 
 
 def _too_heavy_for_the_brakes(chair: ChairDescription, payload_kg: float, climb: Climb) -> str | None:
@@ -314,21 +336,6 @@ def _too_steep_for_the_seat(reach_rad: float, climb: Climb) -> str | None:
     if reach_rad >= needed:
         return None
     return f"the seat reaches {reach_rad / DEG:.0f}°, the {climb.name} needs {needed / DEG:.0f}°; lengthen its stroke"
-
-
-def _too_wide_a_gap(scenario: Scenario, tracks: Tracks) -> str | None:
-    """Return where missing or long steps leave a track on one nosing: a track must span any three neighbouring nosings.
-
-    The flat run alone counts: a flipper yields to its load, and bridges no gap.
-    """
-    needed_m = widest_spacing_m(scenario, 2)
-    if not (scenario.stair.missing_steps or scenario.step) or tracks.flat_run_m > needed_m:
-        return None
-    what = "missing steps" if scenario.stair.missing_steps else "steps of their own"
-    return (
-        f"{what} leave three neighbouring nosings {needed_m:.2f} m apart, and the track spans "
-        f"{tracks.flat_run_m:.2f} m; mend the steps or use a longer track"
-    )
 
 
 def _undetectable_steps(scenario: Scenario, climb: Climb) -> str | None:
