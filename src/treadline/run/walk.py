@@ -123,7 +123,7 @@ class _Walker:
         pitch = math.atan2(float(start.R_WB[2, 0]), float(start.R_WB[0, 0]))
         angles = (chair.tracks.approach_angle_deg * DEG,)
         self._pose = self._chair.at(self._ground, float(start.p_WB[0]), angles, pitch)
-        self._fastest_m_s2 = chair.drives.max_acceleration_m_s2
+        self._lag_s = chair.drives.lag_s
         self._speed_m_s = self._faster_m_s2 = self._rate_rad_s = 0.0
         self._t_s, self._looked_s = 0.0, -math.inf
 
@@ -189,8 +189,7 @@ class _Walker:
     def _move(self, plan: MotionPlan) -> Fall | None:
         """Move belts and flipper for one step; return the fall on the way, if any."""
         before = self._pose
-        most = self._fastest_m_s2 * STEP_S
-        faster = min(max(plan.speed_m_s + plan.pitch_feedforward_m_s - self._speed_m_s, -most), most)
+        faster = (plan.speed_m_s - self._speed_m_s) * (1.0 - math.exp(-STEP_S / self._lag_s))
         self._speed_m_s, self._faster_m_s2 = self._speed_m_s + faster, faster / STEP_S
         angle = before.angles_rad[0]
         if plan.flipper is not None and self._flipper is not None:

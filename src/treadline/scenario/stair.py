@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 from treadline.core.angles import DEG
 from treadline.core.settings import Pairs, Settings
 
-RISE_M, RUN_M, SLOPE_DEG = (0.01, 0.30), (0.15, 0.60), (5.0, 45.0)
+RISE_M, RUN_M, SLOPE_DEG = (0.01, 0.30), (0.15, 1.00), (5.0, 45.0)
 """Bounds of a staircase's rise, run and slope: from a threshold, whose run and slope mean nothing, to a dock."""
 TURNING_FLIGHTS = 4
 """Largest number of flights with quarter landings: after four quarters a fifth would lie above the first."""
