@@ -92,6 +92,7 @@ def check(scenario: "str | Path | Scenario", *, set: "Mapping[str, object] | Non
 
     Raises:
         SettingsError: If the scenario or its chair cannot be read, or a value is out of range.
+        MechanicsError: If the chair cannot stand at the start.
 
     Examples:
         >>> import treadline as tl
@@ -318,7 +319,7 @@ class Run(Printable):
 
     @property
     def verdict(self) -> str:
-        """``arrived``, ``arrived_rough``, ``end_of_flight``, ``held``, ``refused``, ``fell``, ``time_up`` or ``diverged``."""
+        """How the run ended, as ``Traverse.verdict`` lists it: ``arrived``, ``held`` and others."""
         return self.episode.verdict
 
     @property

@@ -1,4 +1,4 @@
-"""A slide is a retreat that the belts did not drive; an arrival may be too rough."""
+"""A slide is a retreat that the belts did not drive; an arrival or a hold may be too rough."""
 
 from dataclasses import replace
 
@@ -54,13 +54,16 @@ def test_a_slide_of_more_than_half_a_metre_is_a_fall(metres: float, fell: bool) 
 
 
 @pytest.mark.parametrize(
-    ("passenger_m_s2", "margin_deg", "cause"),
+    ("passenger_m_s2", "pitch_deg_s", "margin_deg", "cause"),
     [
-        (3.9, 0.1, None),
-        (4.1, 0.1, "passenger at 4.1 m/s², above 4"),
-        (8.3, -1.3, "passenger at 8.3 m/s², above 4; tip-over margin -1.3°, below 0"),
+        (3.9, 24.9, 0.1, None),
+        (4.1, 24.9, 0.1, "passenger at 4.1 m/s², above 4"),
+        (3.9, 25.6, 0.1, "pitch rate 26 °/s, above 25"),
+        (8.3, 0.0, -1.3, "passenger at 8.3 m/s², above 4; tip-over margin -1.3°, below 0"),
     ],
 )
-def test_an_arrival_is_rough_by_acceleration_or_margin(passenger_m_s2: float, margin_deg: float, cause: str | None) -> None:
-    scores = score(Trace.of([truth(0.0)]))
-    assert rough_cause(replace(scores, passenger_max_m_s2=passenger_m_s2, min_stability_margin_deg=margin_deg)) == cause
+def test_a_run_is_rough_by_acceleration_pitch_rate_or_margin(
+    passenger_m_s2: float, pitch_deg_s: float, margin_deg: float, cause: str | None
+) -> None:
+    measured = {"passenger_max_m_s2": passenger_m_s2, "max_pitch_rate_deg_s": pitch_deg_s, "min_stability_margin_deg": margin_deg}
+    assert rough_cause(replace(score(Trace.of([truth(0.0)])), **measured)) == cause

@@ -10,7 +10,7 @@ import jaxtyping
 import numpy as np
 import pytest
 
-from treadline.core.errors import SettingsError
+from treadline.core.errors import MechanicsError, SettingsError
 from treadline.core.ports import Truth
 from treadline.mission.belt_controllers import ConstantSpeed
 from treadline.mission.mission_blocks import planner_of
@@ -203,12 +203,10 @@ def test_what_check_forbids_does_not_move() -> None:
     assert run.scores.duration_s == 0.0
 
 
-@pytest.mark.parametrize(("asked", "verdict"), [(True, "refused"), (False, "diverged")])
-def test_a_start_beside_the_floor_ends_before_its_first_row(asked: bool, verdict: str) -> None:
-    run = Trip(start={"lateral_m": 4.0}, check=asked).run()
-    assert run.verdict == verdict
-    assert (run.scores, len(run.trace["t_s"])) == (None, 0)
-    assert ("outside the flight" if asked else "touches nothing") in str(run.cause)
+@pytest.mark.parametrize("asked", [True, False])
+def test_a_start_on_which_the_chair_cannot_stand_is_an_error_and_no_verdict(asked: bool) -> None:
+    with pytest.raises(MechanicsError, match=r"cannot stand at its start: a track would start .* over an edge of the floor"):
+        Trip(start={"lateral_m": 4.0}, check=asked).run()
 
 
 def test_a_seat_that_cannot_be_level_at_the_start_is_reported_with_the_setting() -> None:
@@ -245,6 +243,9 @@ def test_a_held_chair_that_is_watched_on_and_tips_has_fallen(monkeypatch: pytest
 
     monkeypatch.setattr("treadline.run._ending.Ending.fall", tipping)
     assert (trip.run(after_hold_s=1.5).verdict, trip.run().verdict) == ("fell", "held")
+    monkeypatch.setattr("treadline.run._ending.ROUGH_DEG_S", 0.0)
+    rough = trip.run()
+    assert (rough.verdict, str(rough.cause).startswith(f"{held.cause}; pitch rate ")) == ("held_rough", True)
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from treadline.core.angles import DEG
+from treadline.core.errors import MechanicsError
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import SEAT_SHIFT_M, DriveSettings, Scenario, Start, read_scenario, shipped_scenarios
 from treadline.scenario.shipped_files import CHAIRS
@@ -188,8 +189,10 @@ def test_a_missing_step_costs_margin_even_where_the_track_spans_it() -> None:
 def test_a_start_beside_the_flight_is_refused() -> None:
     # 1.2 m of flight: a chair 0.75 m wide may stand 0.225 m off its middle.
     assert judge(start={"place": "flight", "lateral_m": -0.22}).verdict == "go"
-    report = judge(start={"place": "flight", "lateral_m": -0.26})
-    assert_refused_only_for(report, "0.04 m outside the flight, which is 1.2 m wide", "start nearer its middle")
+    with pytest.raises(
+        MechanicsError, match=r"cannot stand at its start: .* 0\.04 m outside the flight, .*; start nearer its middle"
+    ):
+        judge(start={"place": "flight", "lateral_m": -0.26})
 
 
 @pytest.mark.parametrize(("place", "direction"), [("floor", "up"), ("landing", "down")])
@@ -200,33 +203,43 @@ def test_a_start_from_which_a_track_would_miss_the_flight_is_refused(place: str,
     # Belts 0.65 m apart, a flight of 1.2 m: half of each is on it up to 0.275 m off its middle.
     for lateral_m in (-0.26, 0.27):
         assert at(lateral_m).verdict == "go"
-    for lateral_m in (-0.395, 4.905):
-        said = f"a track would enter {abs(lateral_m) - 0.275:.2f} m outside the flight, which is 1.2 m wide"
-        assert_refused_only_for(at(lateral_m), said, "start nearer its middle")
+    # The floor is 4 m wider than the flight, the landing as wide.
+    beyond_m = 4.905
+    if place == "floor":
+        said = f"a track would enter {0.395 - 0.275:.2f} m outside the flight, which is 1.2 m wide"
+        assert_refused_only_for(at(-0.395), said, "start nearer its middle")
+    else:
+        beyond_m = -0.395
+    with pytest.raises(MechanicsError, match=f"m over an edge of the {place}; start squarer, or nearer its middle"):
+        at(beyond_m)
 
 
 @pytest.mark.parametrize(("slope_deg", "heading_deg"), [(20, 0), (28, 0), (28, 20), (30, 30)])
 def test_a_start_in_the_floor_is_refused_with_the_first_step_that_would_do(slope_deg: int, heading_deg: int) -> None:
     keys = {"slope_deg": slope_deg, "width_m": 2.4}
-    report = judge(stair=keys, start={"place": "flight", "step": 0, "heading_deg": heading_deg})
-    reason = assert_refused_only_for(report, "m below the floor, its front on step 0", "start at step")
-    least = int(reason.rpartition("start at step ")[2].split()[0])
-    for step, verdict in ((least - 1, "refuse"), (least, "go")):
-        assert judge(stair=keys, start={"place": "flight", "step": step, "heading_deg": heading_deg}).verdict == verdict
+    start = {"place": "flight", "heading_deg": heading_deg}
+    with pytest.raises(MechanicsError, match=r"m below the floor, its front on step 0; start at step \d+ or above") as found:
+        judge(stair=keys, start=start | {"step": 0})
+    least = int(str(found.value).rpartition("start at step ")[2].split()[0])
+    with pytest.raises(MechanicsError):
+        judge(stair=keys, start=start | {"step": least - 1})
+    assert judge(stair=keys, start=start | {"step": least}).verdict == "go"
 
 
 def test_a_flight_too_low_for_the_track_is_entered_from_its_ends() -> None:
-    report = judge(stair={"steps": 2}, start={"place": "flight", "step": 1})
-    assert_refused_only_for(report, "0.14 m below the floor, its front on step 1", "start on the floor or the landing")
+    with pytest.raises(MechanicsError, match=r"0\.14 m below the floor, its front on step 1; start on the floor or the landing"):
+        judge(stair={"steps": 2}, start={"place": "flight", "step": 1})
 
 
 @pytest.mark.parametrize(("end_wall", "needs_m"), [(False, 1.15), (True, 1.56)])
 def test_a_landing_too_short_to_stand_on_is_refused_with_the_depth_it_needs(end_wall: bool, needs_m: float) -> None:
     """Test: belts of 0.95 m, 0.2 m from the edge; before a wall a flipper of 0.45 m, raised by 40°, and its pulley of 0.07 m."""
     keys = {"start": {"place": "landing"}, "drive": {"direction": "down"}}
-    short, enough = (judge(stair={"landing_m": needs_m + m, "end_wall": end_wall}, **keys) for m in (-0.02, 0.02))
-    assert_refused_only_for(short, "the landing is", f"needs {needs_m:.2f} m", "start on the flight, or give stair.landing_m")
-    assert enough.verdict == "go"
+    with pytest.raises(
+        MechanicsError, match=f"the landing is .* needs {needs_m:.2f} m; start on the flight, or give stair.landing_m"
+    ):
+        judge(stair={"landing_m": needs_m - 0.02, "end_wall": end_wall}, **keys)
+    assert judge(stair={"landing_m": needs_m + 0.02, "end_wall": end_wall}, **keys).verdict == "go"
 
 
 @pytest.mark.parametrize(("tables", "what"), [({}, "drop"), ({"end_wall": True}, "wall")])
@@ -321,21 +334,27 @@ loadings = st.fixed_dictionaries(
         "seat_shift_m": st.floats(*SEAT_SHIFT_M),
     }
 )
-starts = st.fixed_dictionaries({"heading_deg": st.floats(-90.0, 90.0), "lateral_m": st.floats(-5.0, 5.0)})
+# In the middle of the flight, mostly where the chair can stand.
+starts = st.fixed_dictionaries({"heading_deg": st.floats(-15.0, 15.0), "lateral_m": st.floats(-0.2, 0.2), "step": st.just(12)})
 
 
 @given(stair=stairs, loading=loadings, start=starts)
 def test_any_scenario_gets_a_verdict_whose_reasons_have_number_and_remedy(
     stair: dict[str, Any], loading: dict[str, Any], start: dict[str, Any]
 ) -> None:
-    report = judge(stair=stair, chair=loading, start=start | {"place": "flight"})
-    assert report.verdict == ("refuse" if report.reasons else "go")
-    for reason in report.reasons:
+    try:
+        report = judge(stair=stair, chair=loading, start=start | {"place": "flight"})
+    except MechanicsError as error:
+        reasons = [str(error)]
+    else:
+        reasons = report.reasons
+        assert report.verdict == ("refuse" if reasons else "go")
+        assert all(math.isfinite(margin) for margin in report.stability_margin_deg.values())
+    for reason in reasons:
         what, _, remedy = reason.rpartition("; ")
         assert re.search(r"\d", what)
         assert remedy
         assert "nan" not in reason
-    assert all(math.isfinite(margin) for margin in report.stability_margin_deg.values())
 
 
 @pytest.mark.parametrize(

@@ -24,6 +24,7 @@ COLOURS = {
     "arrived": "#009e73",
     "arrived_rough": "#d55e00",
     "held": "#e69f00",
+    "held_rough": "#a35200",
     "refused": "#56b4e9",
     "end_of_flight": "#0072b2",
     "time_up": "#999999",

@@ -91,8 +91,8 @@ def summarise(rows: Iterable[Row], drawn: Sequence[str], choices: Sequence[str],
 
 
 def worst(rows: Iterable[Row], score: str, count: int = 10) -> list[Row]:
-    """Return the worst runs: falls, then failures, then rough arrivals, then by the score."""
-    rank = {"fell": 0} | dict.fromkeys(FAILED[1:], 1) | {"arrived_rough": 2}
+    """Return the worst runs: falls, then failures, then rough runs, then by the score."""
+    rank = {"fell": 0} | dict.fromkeys(FAILED[1:], 1) | {"arrived_rough": 2, "held_rough": 2}
     return nsmallest(count, map(flat, rows), key=lambda row: (rank.get(row["verdict"], 3), harm(row, score), row["index"]))
 
 

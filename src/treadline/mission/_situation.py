@@ -244,6 +244,8 @@ class FlightSituation:
         chair is pitched no more than with its rear on the floor, whatever run the map names.
         """
         config, where, around = self._config, self._where, self._around
+        if not config.check:
+            return None
         if self._judged[:2] != (where.map_count, self.enters):
             if around is not None and (self.enters or (len(around.nosings) == 1 and where.top_ends)):
                 slope_rad = min(where.slope_rad, around.lies(self._pivot_m, 0.0, config.chair.tracks.pulley_radius_m)[0])

@@ -125,7 +125,7 @@ class Descent(FlightSituation):
 
     def cannot_be_let_down(self) -> str | None:
         """The flipper's range does not suffice to lift the chair to the uppermost nosings."""
-        if self._edge is None or self._around is None:
+        if self._edge is None or self._around is None or not self._config.check:
             return None
         return self._edge.refusal(self._around, 0.0 if self.enters else SIGMAS) or None
 

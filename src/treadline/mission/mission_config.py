@@ -88,6 +88,8 @@ class MissionConfig:
     payload_kg: float = paper.PAYLOAD_KG
     """Weight of the passenger as the operator entered it; the place in the seat is unknown."""
     climb_speed_m_s: float = CRUISE_M_S
+    check: bool = True
+    """Whether a measured stair beyond the chair's limits is refused before entry; a maker who tries a chair turns it off."""
     flights: int | None = None
     """Number of flights to traverse. None: continue as long as another flight is seen across a landing."""
     reports_ground: bool = False

@@ -156,7 +156,7 @@ def _ending(verb: str, result: RunResult) -> str:
     if result.verdict == "time_up":
         whole = "played to its end" if verb == "replay" else "driven to the end of its time"
         return whole if duration is None else f"{whole}, {duration:.1f} s"
-    ended = {"arrived_rough": "arrived roughly", "diverged": "the simulation diverged"}.get(result.verdict, result.verdict)
+    ended = "the simulation diverged" if result.verdict == "diverged" else result.verdict.replace("_rough", " roughly")
     return ended if duration is None or result.verdict == "refused" else f"{ended} after {duration:.1f} s"
 
 

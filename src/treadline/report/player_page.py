@@ -48,6 +48,7 @@ TALL_M = 1.4
 """Height of a seated passenger's head above the ground [m], with room: the drawn passenger is 1.3 m tall."""
 VERDICTS = {
     "arrived_rough": "arrived roughly",
+    "held_rough": "held roughly",
     "end_of_flight": "reached the end of the flight",
     "time_up": "ran to its time limit",
 }

@@ -1,6 +1,6 @@
 """End of a run and its verdict, by ground truth if the plant has any: arrival, hold, fall, slide down the flight, time limit.
 
-A slide is a retreat that the belts did not drive. An arrival that was too rough for a passenger has a verdict of its own.
+A slide is a retreat that the belts did not drive. An arrival or a hold that was too rough for a passenger has its own verdict.
 """
 
 import math
@@ -19,9 +19,10 @@ FALLEN_RAD = 25.0 * DEG
 """Tilt beyond which the chair counts as fallen: pitch above the stair's slope, pitch below horizontal, or roll [rad]."""
 FALLEN_SLIDE_M = 0.5
 """Roll-back beyond which the chair counts as fallen [m]: one and a half steps."""
-ROUGH_M_S2, ROUGH_MARGIN_DEG = 4.0, 0.0
-"""Passenger acceleration above which [m/s²], and tip-over margin below which [°], an arrival is rough: beyond 4 m/s² a person
-who is not held slides on a seat, with an assumed friction of 0.4 between clothes and cover; below 0° the chair was tipping over."""
+ROUGH_M_S2, ROUGH_DEG_S, ROUGH_MARGIN_DEG = 4.0, 25.0, 0.0
+"""Passenger acceleration [m/s²] and pitch rate [°/s] above which, and tip-over margin below which [°], a run is rough: beyond
+4 m/s² a person who is not held slides on a seat, with an assumed friction of 0.4 between clothes and cover; at 25 °/s the chair
+falls, because every motion that is planned stays below 15 °/s; below 0° the chair was tipping over."""
 
 
 class Ending:
@@ -76,10 +77,12 @@ class Ending:
 
 
 def rough_cause(scores: Scores) -> str | None:
-    """Return why an arrival was rough, or None."""
+    """Return why a run was too rough for a passenger, or None."""
     causes = []
     if scores.passenger_max_m_s2 > ROUGH_M_S2:
         causes.append(f"passenger at {scores.passenger_max_m_s2:.1f} m/s², above {ROUGH_M_S2:g}")
+    if scores.max_pitch_rate_deg_s > ROUGH_DEG_S:
+        causes.append(f"pitch rate {scores.max_pitch_rate_deg_s:.0f} °/s, above {ROUGH_DEG_S:g}")
     if scores.min_stability_margin_deg < ROUGH_MARGIN_DEG:
         causes.append(f"tip-over margin {scores.min_stability_margin_deg:.1f}°, below {ROUGH_MARGIN_DEG:g}")
     return "; ".join(causes) or None

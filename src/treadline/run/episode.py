@@ -43,7 +43,8 @@ class Traverse(Brief):
     seed: int
     verdict: str
     """``arrived`` (on the landing or the floor), ``arrived_rough`` (there, but too rough for a passenger), ``end_of_flight`` (a run
-    along one flight that ends at its last nosing), ``held``, ``refused``, ``fell``, ``time_up`` or ``diverged``."""
+    along one flight that ends at its last nosing), ``held``, ``held_rough``, ``refused``, ``fell``, ``time_up`` or
+    ``diverged``."""
     cause: str | None
     scores: Scores | None
     """Scores by ground truth; None without ground truth."""
@@ -115,7 +116,6 @@ def run_episode(
                 warm_up(setup.mission)
             over = _drive(ending, plant, blocks, recorder, watch, after_hold_s, faults, pace)
     except SimulationDiverged as error:
-        # A start that is refused may also be one in which no chair can be put down.
         over = over if refusal else ("diverged", str(error))
     finally:
         plant.close()
@@ -248,8 +248,8 @@ class _EpisodeRecorder:
         last = next((event for event in reversed(self._events) if event.name in ("hold", "rearmed")), None)
         held_s = last.t_s if last is not None and last.name == "hold" else None
         scores = score(trace, phases, upward=upward, held_s=held_s) if self._truth else None
-        if over[0] == "arrived" and scores is not None and (rough := rough_cause(scores)) is not None:
-            over = "arrived_rough", rough
+        if over[0] in ("arrived", "held") and scores is not None and (rough := rough_cause(scores)) is not None:
+            over = f"{over[0]}_rough", "; ".join(filter(None, (over[1], rough)))
         return Traverse(
             scenario=self._scenario,
             seed=self._seed,

@@ -195,6 +195,7 @@ def mission_config(
         direction=scenario.drive.direction,
         payload_kg=scenario.chair.entered.payload_kg,
         climb_speed_m_s=scenario.drive.speed_m_s,
+        check=scenario.drive.check,
         flights=scenario.stair.flights,
         reports_ground=isinstance(open_plant, str) or getattr(open_plant, "reports_ground", False) is True,
         loop=scenario.control.loop,

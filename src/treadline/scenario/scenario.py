@@ -157,7 +157,8 @@ class DriveSettings(Settings):
 
     direction: Literal["up", "down"] = "up"
     check: bool = True
-    """Whether ``treadline check`` must pass before the chair moves. Without the check, only the mission's own tests apply."""
+    """Whether ``treadline check`` must pass before the chair moves, and the mission refuses stairs beyond the chair's limits before
+    entry. Without the check, only traction test and guard stop the chair."""
     speed_m_s: Annotated[float, Field(gt=0.0, le=0.30)] = 0.2
     """Belt speed on the flight."""
     duration_s: Annotated[float, Field(gt=0.0, le=3600.0)] = 80.0

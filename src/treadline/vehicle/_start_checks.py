@@ -1,4 +1,4 @@
-"""Feasibility of the start pose, a part of the verdict: ``Scenario, ChairDescription -> problems``.
+"""Feasibility of the start pose and of the task from there: ``Scenario, ChairDescription -> problems``.
 
 The penetration of the chair into the stair is that of boxes into boxes, by the separating axis theorem (Gottschalk et al.,
 SIGGRAPH 1996). A pulley is treated as round along each tested axis; the axes are those of the boxes, so that the edge of a box can
@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.angles import DEG
+from treadline.core.errors import MechanicsError
 from treadline.core.rotations import Rotation, Vector3, rotation_y
 from treadline.scenario.chair import ChairDescription, Tracks
 from treadline.scenario.scenario import Scenario
@@ -61,25 +62,29 @@ class Overlap:
 
 
 def checked_start(scenario: Scenario, chair: ChairDescription) -> tuple[tuple[str | None, ...], int | None]:
-    """Return the problems of the start pose, None for each passed test, and the number of nosings in view of the camera from it.
+    """Return the problems of the task and of the view at the start, None for each passed test, and the number of nosings in view.
 
-    The number is None in open loop, which uses no camera, and where the pose has problems.
+    The number is None in open loop, which uses no camera, and where the chair cannot do the task.
+
+    Raises:
+        MechanicsError: If the chair cannot stand at the start: nothing can be judged or simulated from there.
     """
-    aim = _nowhere_to_go(scenario) or _cannot_come_down(scenario, chair) or _cannot_mount(scenario, chair)
-    known = (
-        _outside_the_flight(scenario, chair.tracks),
-        _in_the_floor(scenario, chair.tracks),
-        _on_winders(scenario, chair.tracks),
-        _over_the_landings_end(scenario, chair),
-    )
-    if any(known):
-        return (aim, *known), None
     # The jitter of single steps is drawn when the plant is built.
-    staircase = as_designed(scenario.stair, scenario.step)
-    problem = _over_an_edge(scenario, chair.tracks, staircase) or _overlapping(scenario, chair, staircase)
+    staircase, outside = as_designed(scenario.stair, scenario.step), _outside_the_flight(scenario, chair.tracks)
+    problem = (
+        (outside if scenario.start.place == "flight" else None)
+        or _in_the_floor(scenario, chair.tracks)
+        or _on_winders(scenario, chair.tracks)
+        or _over_the_landings_end(scenario, chair)
+        or _over_an_edge(scenario, chair.tracks, staircase)
+        or _overlapping(scenario, chair, staircase)
+    )
+    if problem is not None:
+        raise MechanicsError(f"the chair cannot stand at its start: {problem}")
+    aim = _nowhere_to_go(scenario) or _cannot_come_down(scenario, chair) or _cannot_mount(scenario, chair) or outside
     mount = chair.camera if scenario.drive.direction == "up" else chair.rear_camera
-    if aim or problem or mount is None or scenario.control.loop == "open":
-        return (aim, problem), None
+    if aim or mount is None or scenario.control.loop == "open":
+        return (aim,), None
     view = StartView(scenario, chair, staircase, mount)
     unseen = view.problem(lambda start: _stands(scenario.model_copy(update={"start": start}), chair.tracks))
     return (unseen,), view.nosings(scenario.start)
@@ -113,18 +118,19 @@ def _remedy(found: Overlap, scenario: Scenario) -> str:
 
 
 def _over_an_edge(scenario: Scenario, tracks: Tracks, staircase: Staircase) -> str | None:
-    """Return how far a track would start beyond the front or a side of the landing; half of a belt's width is allowed."""
-    if scenario.start.place != "landing":
+    """Return how far a track would start beyond the front or a side of floor or landing; half of a belt's width is allowed."""
+    place = scenario.start.place
+    if place == "flight":
         return None
     start = standing(staircase, tracks, scenario.start)
-    box = next(box for box in stair_boxes(staircase) if box.kind == "landing" and box.index == staircase.steps[-1].index)
+    box = [box for box in stair_boxes(staircase) if box.kind == place][-1]
     half_run, aside = 0.5 * tracks.flat_run_m, 0.5 * tracks.gauge_m
     ends_B = np.array([[x, y, 0.0] for x in (-half_run, half_run) for y in (-aside, aside)])
     ends_K = (start.p_WB + ends_B @ start.R_WB.T - np.array(box.centre_W)) @ box.R_WK
     over_m = max(float(-box.half_m[0] - ends_K[:, 0].min()), float(np.abs(ends_K[:, 1]).max()) - box.half_m[1])
     if over_m <= 1e-6:  # rounding
         return None
-    return f"a track would start {over_m:.2f} m over an edge of the landing; start squarer, or nearer its middle"
+    return f"a track would start {over_m:.2f} m over an edge of the {place}; start squarer, or nearer its middle"
 
 
 def _nowhere_to_go(scenario: Scenario) -> str | None:
