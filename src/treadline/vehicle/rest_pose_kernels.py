@@ -24,9 +24,9 @@ HALVINGS = 8
 """Halvings of a step of the search: 0.5° becomes 0.002°."""
 LOW_RAD, HIGH_RAD = math.radians(-60.0), math.radians(75.0)
 """Range of the pitch that is searched [rad]; a chair beyond it has tipped over."""
-JUMP_RAD = math.radians(0.5)
+JUMP_RAD = math.radians(1.0)
 """Change of the pitch within a move above which the move is divided [rad]."""
-LEAST_PART = 1.0 / 32.0
+LEAST_PART = 1.0 / 16.0
 """Smallest part of a move: a pitch that changes by ``JUMP_RAD`` in it has lost its rest pose."""
 WALL_M = 0.005
 """Height by which the smallest part of a move lifts a chair that has met a wall [m]: a belt at 75° lifts it by a millimetre."""
@@ -143,26 +143,29 @@ def settle(th: float, x: float, body: Any, weighs: Any, ground: Any) -> tuple[fl
     """Return where a chair at a pitch turns to by its weight.
 
     Returns:
-        Pitches just below and above the rest pose, height of the centre of mass there, and whether there is such a pose.
+        Pitches just below and above the rest pose, drop of the centre of mass as the chair turns there about its contacts (the
+        integral of its lever), and whether there is such a pose.
     """
     used = body.shape[0]
-    first = contact(th, x, body, weighs, ground, used)
-    nose_down = first[0] > 0.0
+    lever = contact(th, x, body, weighs, ground, used)[0]
+    nose_down = lever > 0.0
     step = -STEP_RAD if nose_down else STEP_RAD
-    a = th
+    a, drop = th, 0.0
     while LOW_RAD < a + step < HIGH_RAD:
         b = a + step
-        if (contact(b, x, body, weighs, ground, used)[0] > 0.0) != nose_down:
+        there = contact(b, x, body, weighs, ground, used)[0]
+        if (there > 0.0) != nose_down:
+            from_rad = a
             for _ in range(HALVINGS):
                 m = 0.5 * (a + b)
                 if (contact(m, x, body, weighs, ground, used)[0] > 0.0) == nose_down:
                     a = m
                 else:
                     b = m
-            low, high = min(a, b), max(a, b)
-            return low, high, contact(low, x, body, weighs, ground, used)[2], True
-        a = b
-    return a, a, first[2], False
+            return min(a, b), max(a, b), drop + abs(lever * (a - from_rad)), True
+        drop += 0.5 * abs((lever + there) * step)
+        a, lever = b, there
+    return a, a, drop, False
 
 
 @njit(cache=True)
@@ -172,19 +175,18 @@ def follow(
     """Follow the rest pose of a chair over one move of place and joints.
 
     Returns:
-        Pitch at the end; the part of the move that was made; of the largest fall on the way its angle, and the drop of the centre of
-        mass without what a joint lifts; and ``RESTS``, ``TURNS_OVER``, or ``BLOCKED`` by a wall, which would lift the chair at once.
+        Pitch at the end; the part of the move that was made; angle and drop of the largest fall on the way; and ``RESTS``, ``TURNS_OVER``, or ``BLOCKED`` by a wall, which would lift the chair at once.
     """
     done, size = 0.0, 1.0
     angle, drop = 0.0, 0.0
     body, weighs = posture(from_angles, parts, masses)
-    height = contact(th, from_x, body, weighs, ground, body.shape[0])[2]
+    height = contact(th, from_x, body, weighs, ground, body.shape[0])[7]
     while done < 1.0 - 1e-9:
         size = min(size, 1.0 - done)
         part = done + size
         x = from_x + part * (to_x - from_x)
         body, weighs = posture(from_angles + part * (to_angles - from_angles), parts, masses)
-        low, _, rests, stands = settle(th, x, body, weighs, ground)
+        low, _, fell, stands = settle(th, x, body, weighs, ground)
         turned = abs(low - th)
         if turned > JUMP_RAD and size > LEAST_PART:
             size *= 0.5
@@ -192,11 +194,11 @@ def follow(
         if not stands:
             return low, done, math.pi, 9.0, TURNS_OVER
         if turned > JUMP_RAD:
-            if rests - height > WALL_M:
+            if contact(th, x, body, weighs, ground, body.shape[0])[7] - height > WALL_M:
                 return th, done, angle, drop, BLOCKED
-            fell = max(min(height, contact(th, x, body, weighs, ground, body.shape[0])[2]) - rests, 0.0)
             angle, drop = max(angle, turned), max(drop, fell)
-        th, height, done = low, rests, part
+        th, done = low, part
+        height = contact(th, x, body, weighs, ground, body.shape[0])[7]
         size *= 2.0
     return th, 1.0, angle, drop, RESTS
 
