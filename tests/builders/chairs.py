@@ -6,7 +6,8 @@ from typing import Any
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Scenario
 from treadline.scenario.shipped_files import CHAIRS
-from treadline.vehicle.verdict import CheckReport, check
+from treadline.run.resolve import checked as check
+from treadline.run.verdict import CheckReport
 
 CHAIR = read_chair("wheelchair")
 

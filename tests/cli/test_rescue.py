@@ -11,7 +11,7 @@ from treadline.io.runs import read_series
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair, Scenario, Stair, Start
 from treadline.vehicle.tracks import minimum_track_length
-from treadline.vehicle.verdict import check
+from treadline.run.resolve import checked as check
 
 FLIGHT = """\
 [stair]

@@ -12,7 +12,7 @@ from treadline.run.episode import Traverse, traverse
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario
 from treadline.scenario.shipped_files import shipped_controller
-from treadline.vehicle.verdict import check
+from treadline.run.resolve import checked as check
 
 # Maps that a nosing, a gap and the next flight need, and the pause after which that is looked at anew (docs/decisions/0019).
 KNOWN_AFTER, GAP_KNOWN_AFTER, NEXT_MAPS, NEXT_S = 2, 6, 5, 1.0

@@ -27,7 +27,7 @@ from treadline.vehicle.bodies import centre_of_mass, payload_place, vehicle
 from treadline.vehicle.loading import Loading
 from treadline.vehicle.sdf import sdf_model
 from treadline.vehicle.urdf import urdf
-from treadline.vehicle.verdict import check
+from treadline.run.resolve import checked as check
 
 PAYLOAD = "[payload]\ncom_m = [0.25, 0.0, 0.45]\nsize_m = [0.35, 0.40, 0.30]\n\n"
 

@@ -12,7 +12,7 @@ from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Chair, Scenario
 from treadline.vehicle.tip_over_margin import worst_support
 from treadline.vehicle.tracks import track_on_stair_m
-from treadline.vehicle.verdict import check, static_margins
+from treadline.run.resolve import checked as check
 
 FLIPPERS, FIXED = read_chair("wheelchair"), read_chair("wheelchair-fixed")
 HEAVY_N = 9.81 * 180.0

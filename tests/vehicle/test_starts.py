@@ -14,7 +14,7 @@ from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario
 from treadline.vehicle._start_checks import PlacedPart, depth_of_overlap
 from treadline.vehicle.stair_solids import Box
-from treadline.vehicle.verdict import check
+from treadline.run.resolve import checked as check
 
 CHAIR = read_chair("wheelchair")
 

@@ -20,7 +20,7 @@ from treadline.vehicle.bodies import vehicle
 from treadline.vehicle.stair_solids import stair_boxes, stair_solids, stair_surfaces
 from treadline.vehicle.staircase import Staircase, Winders, as_designed
 from treadline.vehicle.start_pose import standing
-from treadline.vehicle.verdict import check
+from treadline.run.resolve import checked as check
 
 KEYS: dict[str, Any] = {"rise_m": 0.16, "run_m": 0.30, "steps": 9, "width_m": 1.2, "landing_m": 3.0, "winders": 3}
 PLACES = [{}, {"winder_first": 0}, {"winder_first": 3, "winder_turn_deg": 60.0}, {"winders": 4, "winder_turn_deg": 180.0}]

@@ -205,9 +205,13 @@ def mission_config(
     )
 
 
-def checked(scenario: Scenario) -> CheckReport:
-    """Return the verdict on a scenario with the shipped blocks."""
-    chair = scenario.read_chair()
+def checked(scenario: Scenario, chair: ChairDescription | None = None) -> CheckReport:
+    """Return the verdict on a scenario with the shipped blocks.
+
+    Args:
+        chair: The chair, if its file has been read already.
+    """
+    chair = scenario.read_chair() if chair is None else chair
     return check(scenario, chair, mission_config(scenario, None, chair=chair))
 
 

@@ -27,9 +27,10 @@ from treadline.vehicle.rest_poses import Fall, Ground, RestChair, RestPose, rest
 from treadline.vehicle.staircase import as_designed
 from treadline.vehicle.start_pose import standing
 
-STEP_S = 0.05
-"""Time between two poses of a walk [s]: 1 cm of belts, and 0.45° of pitch at the fastest that the planner turns the chair."""
-LOOK_S = 0.2
+STEP_S, STILL_RAD_S = 0.05, 1.0 * DEG
+"""Time between two poses while the chair turns [s]: 0.45° of pitch at the fastest that the planner turns it; twice as long, 2 cm of
+belts, below this pitch rate [rad/s]."""
+LOOK_S = 0.4
 """Time between two maps [s]."""
 YIELD_RAD = 0.5 * DEG
 """Step by which a flipper yields whose motor is overloaded [rad]."""
@@ -188,22 +189,22 @@ class _Walker:
 
     def _move(self, plan: MotionPlan) -> Fall | None:
         """Move belts and flipper for one step; return the fall on the way, if any."""
-        before = self._pose
-        faster = (plan.speed_m_s - self._speed_m_s) * (1.0 - math.exp(-STEP_S / self._lag_s))
-        self._speed_m_s, self._faster_m_s2 = self._speed_m_s + faster, faster / STEP_S
+        before, step_s = self._pose, STEP_S if abs(self._rate_rad_s) > STILL_RAD_S else 2.0 * STEP_S
+        faster = (plan.speed_m_s - self._speed_m_s) * (1.0 - math.exp(-step_s / self._lag_s))
+        self._speed_m_s, self._faster_m_s2 = self._speed_m_s + faster, faster / step_s
         angle = before.angles_rad[0]
         if plan.flipper is not None and self._flipper is not None:
             low_deg, high_deg = self._flipper.range_deg
-            angle = min(max(angle + plan.flipper.rate_rad_s * STEP_S, low_deg * DEG), high_deg * DEG)
-        along_m = self._speed_m_s * STEP_S
+            angle = min(max(angle + plan.flipper.rate_rad_s * step_s, low_deg * DEG), high_deg * DEG)
+        along_m = self._speed_m_s * step_s
         x_m = before.x_m + along_m * math.cos(before.pitch_rad)
         after, fall = self._chair.moved(self._ground, before, x_m, (angle,))
         after, fall = self._without_slip(before, after, fall, along_m)
         after, fall = self._yielded(after, fall)
         self._pose = after
         turned = after.pitch_rad - before.pitch_rad
-        self._rate_rad_s = (turned if fall is None else 0.0) / STEP_S
-        self._t_s = round(self._t_s + STEP_S, 6)
+        self._rate_rad_s = (turned if fall is None else 0.0) / step_s
+        self._t_s = round(self._t_s + step_s, 6)
         return fall
 
     def _without_slip(self, before: RestPose, after: RestPose, fall: Fall | None, along_m: float) -> tuple[RestPose, Fall | None]:

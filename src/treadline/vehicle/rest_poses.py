@@ -8,13 +8,14 @@ level within its range. What is lateral stays outside: ``tip_over_margin``, ``qu
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from jaxtyping import Float
 
 from treadline.core.angles import DEG
 from treadline.core.errors import MechanicsError
-from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription, Point
+from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription, Point, Seat
 from treadline.vehicle.linkage import SeatLinkage
 from treadline.vehicle.rest_pose_kernels import BLOCKED, describe, follow
 
@@ -181,7 +182,7 @@ def rest_chair(
     if flipper is not None:
         masses.append((flipper.mass_kg, 0.5 * tracks.approach_m, 0.0, 1.0, 0.0, 0.0, 0.0))
     (hinge_x, _, hinge_z), (out_x, _, out_z) = chair.payload_origin_m, chair.payload_com_m
-    low_rad, high_rad = (0.0, 0.0) if seat is None else SeatLinkage(seat).angle_range
+    low_rad, high_rad = (0.0, 0.0) if seat is None else _range_of(seat)
     shift_m = 0.0 if seat is None else seat_shift_m
     place = (hinge_x + shift_m, hinge_z, out_x + offset_m[0], out_z + offset_m[2])
     masses.append((chair.empty_seat_kg + payload_kg, *place, low_rad, high_rad))
@@ -189,3 +190,9 @@ def rest_chair(
     return RestChair(
         parts=np.array(parts), masses=np.array(masses), torques_n_m=np.array([torque if torque_n_m is None else torque_n_m])
     )
+
+
+@cache
+def _range_of(seat: Seat) -> tuple[float, float]:
+    """Return the range of a seat's angle [rad]."""
+    return SeatLinkage(seat).angle_range

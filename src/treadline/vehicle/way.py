@@ -17,7 +17,7 @@ from treadline.scenario.chair import GRAVITY_M_S2
 from treadline.vehicle.rest_poses import Ground, RestChair, RestPose
 from treadline.vehicle.way_kernels import search
 
-PLACE_M, ANGLE_RAD = 0.025, 5.0 * DEG
+PLACE_M, ANGLE_RAD = 0.025, 2.5 * DEG
 """Grid of the search: place [m] and flipper angle [rad]. Half of either changes pitch and fall less than the plant differs
 (``tests/vehicle/test_way.py``)."""
 SPEED_M_S, FLIPPER_RAD_S, PITCH_RAD_S = 0.1, 16.0 * DEG, 9.0 * DEG

@@ -14,7 +14,7 @@ from treadline.run.resolve import mission_config
 from treadline.scenario.chair import read_chair
 from treadline.scenario.faults import Fault
 from treadline.scenario.scenario import Scenario
-from treadline.vehicle.verdict import check
+from treadline.run.resolve import checked as check
 
 CHAIR = read_chair("wheelchair")
 
