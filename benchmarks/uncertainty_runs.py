@@ -31,7 +31,7 @@ from treadline.perception import StairDetector
 from treadline.plant.mujoco import NOMINAL, MujocoPlant, Physics
 from treadline.run.episode import traverse
 from treadline.run.excitation_run import PERIOD_S, excite
-from treadline.run.resolve import Opener, ready
+from treadline.run.resolve import Opener, checked, ready
 from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription, read_chair
 from treadline.scenario.scenario import Belts, DriveSettings, Scenario, Stair, Start, read_scenario
 from treadline.scenario.shipped_files import shipped_controller
@@ -196,7 +196,7 @@ def _driven(
 
     The operator runs ``check`` on the nominal chair and friction, and shifts the seat for them.
     """
-    scenario, refusal, _ = ready(plan.without_images(nominal), read_chair(CHAIR))
+    scenario, refusal, _ = ready(asked := plan.without_images(nominal), checked(asked, read_chair(CHAIR)))
     if refusal is not None:
         return f"refused: {refusal}", {}
     scenario = variation.scenario(scenario.model_copy(update={"drive": scenario.drive.model_copy(update={"check": False})}))

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from treadline.core.angles import DEG
 from treadline.mission.entry_check import certain_reject_reason, reject_reason
-from treadline.run.resolve import ready, with_seat_shifted
+from treadline.run.resolve import checked, ready
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Chair, Scenario, Stair
 from treadline.vehicle.linkage import SeatLinkage
@@ -39,9 +39,10 @@ def test_what_check_lets_in_with_its_seat_shift_is_not_refused_at_the_foot(
     run_m = rise_m / math.tan(slope_deg * DEG)
     assume(run_m < 0.45)
     load = Chair(payload_kg=kg, payload_offset_m=offset)
-    setup, refused, _ = ready(Scenario(stair=Stair(rise_m=rise_m, run_m=run_m, friction=(0.9, 0.8)), chair=load), CHAIR)
+    asked = Scenario(stair=Stair(rise_m=rise_m, run_m=run_m, friction=(0.9, 0.8)), chair=load)
+    setup, refused, _ = ready(asked, checked(asked, CHAIR))
     assume(refused is None)
-    chair = with_seat_shifted(CHAIR, setup.chair.seat_shift_m)
+    chair = CHAIR.with_seat_shifted(setup.chair.seat_shift_m)
     assert reject_reason(chair, kg, rise_m, run_m, (slope_deg + slope_error_deg) * DEG) is None
 
 

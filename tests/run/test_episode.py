@@ -19,7 +19,7 @@ from treadline.mission.planner import Cruise
 from treadline.plant.mujoco import open_plant
 from treadline.run.episode import Traverse, run_episode, traverse
 from treadline.run.recorded_run import recorded_run
-from treadline.run.resolve import mission_config, ready, resolve
+from treadline.run.resolve import checked, mission_config, ready, resolve
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair, Control, DriveSettings, Scenario, Stair, Start
 from treadline.scenario.shipped_files import shipped_controller
@@ -218,7 +218,7 @@ def test_no_more_than_a_tenth_of_a_metre_is_shifted() -> None:
     chair = read_chair("wheelchair")
     for offset in np.linspace(-0.2, 0.2, 9):
         loading = {"payload_kg": 80.0, "payload_offset_m": (float(offset), 0.0, 0.05)}
-        declared, refused, done = ready(Trip(slope_deg=30.0, chair=loading).scenario(), chair)
+        declared, refused, done = ready(asked := Trip(slope_deg=30.0, chair=loading).scenario(), checked(asked, chair))
         assert abs(declared.chair.seat_shift_m) <= SEAT_SHIFT_M
         assert (done is None) == (declared.chair.seat_shift_m == 0.0)
         assert refused is None or declared.chair.seat_shift_m == 0.0

@@ -10,7 +10,7 @@ import treadline.run.resolve
 import treadline.scenario.chair
 from treadline.core.errors import SettingsError
 from treadline.mission.belt_controllers import ConstantSpeed
-from treadline.run.resolve import resolve, with_seat_shifted
+from treadline.run.resolve import resolve
 from treadline.scenario.scenario import Scenario, read_scenario
 from treadline.scenario.shipped_files import CONTROLLERS, shipped_controller
 
@@ -22,7 +22,7 @@ def test_a_seat_shifted_so_that_the_chair_may_climb_is_the_missions() -> None:
     assert setup.scenario.chair.seat_shift_m != 0.0
     assert setup.rejections == ()
     assert setup.report.verdict == "refuse"  # of the scenario as given
-    assert setup.mission.chair == with_seat_shifted(setup.chair, setup.scenario.chair.seat_shift_m)
+    assert setup.mission.chair == setup.chair.with_seat_shifted(setup.scenario.chair.seat_shift_m)
 
 
 def test_a_rejected_scenario_needs_no_controller(tmp_path: Path) -> None:

@@ -27,7 +27,6 @@ from treadline.control.flipper import (
     STOW_RAD_S,
     TURN_RAD_S,
     TURN_RAD_S2,
-    UNLOADED_N,
     PitchCommand,
     Sequencer,
 )
@@ -129,13 +128,13 @@ class Crest(Sequencer[Stage]):
             return f"the flipper lifted the chair by {lifted:.1f}°, and stands on something else than the landing"
         if self._waited_s < PATIENCE_S:
             return ""
-        if self._tip.load_n < UNLOADED_N:
+        if self._tip.is_unloaded:
             return f"nothing carried the flipper in {PATIENCE_S:.0f} s: its motor is dead, or the landing is not there"
         return f"the chair stayed for {PATIENCE_S:.0f} s while the belts ran: they slip on the last nosing"
 
     def _is_left_behind(self, pitch: float) -> bool:
         """Return whether the chair has not followed an unloaded tip: its centre of mass is further back than assumed."""
-        return self._tip.load_n < UNLOADED_N and pitch > max(SMALL_RAD, self._lead_rad + 2.0 * LAGS_RAD)
+        return self._tip.is_unloaded and pitch > max(SMALL_RAD, self._lead_rad + 2.0 * LAGS_RAD)
 
     def _meet(self, pitch: float, flipper: FlipperReading) -> None:
         """Classify the contact of the tip by its position: landing or nosing."""
@@ -171,14 +170,14 @@ class Crest(Sequencer[Stage]):
 
     def _is_lifted(self, pitch: float) -> bool:
         """Return whether a loaded tip holds the chair above its nosings: a light chair is lifted before the tip carries."""
-        return self._tip.load_n > UNLOADED_N and pitch > self._lies()[0] + LIFTED_RAD
+        return not self._tip.is_unloaded and pitch > self._lies()[0] + LIFTED_RAD
 
     def _carry(self, pitch: float, flipper: FlipperReading, speed: float, dt_s: float) -> tuple[float, float]:
         self._refine(pitch, flipper, dt_s)
         _, per_metre = self._geometry.rates(pitch, *self._place)
         missing = 0.0 if self._is_lifted(pitch) else max(PRESS * self._tip.carries_n - self._tip.load_n, 0.0)
         rate = (per_metre * speed if missing > 0.0 else 0.0) - PRESS_RAD_S_N * missing
-        waits = self._tip.load_n < UNLOADED_N and self._com_beyond(pitch) > -PLACE_M
+        waits = self._tip.is_unloaded and self._com_beyond(pitch) > -PLACE_M
         return (0.0 if waits else SLOW_M_S), rate
 
     def _lead(self, pitch: float, flipper: FlipperReading, speed: float, dt_s: float) -> float:
@@ -186,12 +185,12 @@ class Crest(Sequencer[Stage]):
         softly = max(FLIPPER_PER_S * pitch, GENTLY_RAD_S)
         slides_m = max(self._geometry.slide(max(pitch, 0.0), *self._place), self._geometry.radius_m)  # avoids division by zero
         smoothly = SLIDE_M_S / slides_m
-        lags = self._tip.load_n < UNLOADED_N and pitch > self._lead_rad + LAGS_RAD
+        lags = self._tip.is_unloaded and pitch > self._lead_rad + LAGS_RAD
         fastest = GENTLY_RAD_S if lags else TURN_RAD_S
         self._lead_rad_s = min(self._lead_rad_s + TURN_RAD_S2 * dt_s, fastest, softly, smoothly)
         self._lead_rad = max(self._lead_rad - self._lead_rad_s * dt_s, pitch - LIFTED_RAD)
         per_pitch, per_metre = self._geometry.rates(pitch, *self._place)
         trim = FLIPPER_PER_S * (self._lead_rad - pitch)
-        if self._tip.load_n < UNLOADED_N:
+        if self._tip.is_unloaded:
             trim = max(trim, 0.0)  # the flipper must not move away from a chair that does not follow
         return per_pitch * (trim - self._lead_rad_s) + per_metre * speed

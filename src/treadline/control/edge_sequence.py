@@ -25,7 +25,6 @@ from treadline.control.flipper import (
     THERE_RAD,
     TURN_RAD_S,
     TURN_RAD_S2,
-    UNLOADED_N,
     PitchCommand,
     Sequencer,
     load_share,
@@ -234,7 +233,7 @@ class Edge(Sequencer[Stage]):
         A chair that lies on the flight does not follow a rising flipper, and would fall onto it when driving back over the nosing;
         an unloaded tip is therefore lowered until it carries load.
         """
-        if self._tip.load_n >= UNLOADED_N:
+        if not self._tip.is_unloaded:
             return self._turn(self._level_rad - LIFTED_RAD, pitch, flipper, speed, dt_s)
         self._lead_from(pitch)
         self._watch(pitch, dt_s)
@@ -257,7 +256,7 @@ class Edge(Sequencer[Stage]):
         self._lead_rad = min(max(lead_rad, pitch - LIFTED_RAD), pitch + LIFTED_RAD)
         behind = self._lead_rad - pitch
         trim = (FLIPPER_PER_S if behind > 0.0 else YIELD_PER_S) * behind
-        if self._tip.load_n < UNLOADED_N:  # the chair may fall back onto it; from a degree on the reference follows the chair
+        if self._tip.is_unloaded:  # the chair may fall back onto it; from a degree on the reference follows the chair
             trim = max(trim, 0.0)
         return per_pitch * (lead_rad_s + trim) + per_metre * speed
 
@@ -279,5 +278,5 @@ class Edge(Sequencer[Stage]):
         return flipper.angle_rad > angle_rad or self._waited_s > PATIENCE_S
 
     def _stow(self, angle_rad: float, flipper: FlipperReading) -> float:
-        fastest = STOW_RAD_S if self._tip.load_n < UNLOADED_N else TURN_RAD_S
+        fastest = STOW_RAD_S if self._tip.is_unloaded else TURN_RAD_S
         return min(self._towards(angle_rad, flipper), fastest)

@@ -48,7 +48,8 @@ CARRIES_S = 0.1
 LIFTED_RAD = 1.0 * DEG
 """Pitch by which the flipper has lifted the chair [rad]; the tip then carries at any load. The reference of the pitch leads by no
 more."""
-UNLOADED_N = 30.0
+UNLOADED_SHARE = 0.375
+"""Share of the load of a standing tip below which the tip counts as unloaded: 30 N, twice the uncertainty, under a heavy chair."""
 TIP_S = 0.05
 """Time constant of the tip load filter [s]."""
 FLIPPER_RAD_S2 = 120.0 * DEG
@@ -132,11 +133,16 @@ class Tip:
         """Whether the tip stands on a surface."""
         return self._carried_s > CARRIES_S
 
+    @property
+    def is_unloaded(self) -> bool:
+        """Whether nothing leans on the tip."""
+        return self.load_n < UNLOADED_SHARE * self.carries_n
+
     def step(self, pitch_rad: float, flipper: FlipperReading, dt_s: float) -> None:
         """Take the reading of one tick."""
         self.load_n += (self._load(pitch_rad, flipper) - self.load_n) * (1.0 - math.exp(-dt_s / TIP_S))
         self._carried_s = self._carried_s + dt_s if self.load_n > self.carries_n else 0.0
-        self.unloaded_s = self.unloaded_s + dt_s if self.load_n < UNLOADED_N else 0.0
+        self.unloaded_s = self.unloaded_s + dt_s if self.is_unloaded else 0.0
 
     def _load(self, pitch_rad: float, flipper: FlipperReading) -> float:
         """Return the tip load from the motor torque: the torque that supports the flipper minus its weight."""
@@ -315,7 +321,7 @@ class Sequencer(ABC, Generic[StageT]):
 
     def _refine(self, pitch: float, flipper: FlipperReading, dt_s: float) -> None:
         """Correct the place of the nosings by the flipper's angle: belts on the crossed one, tip on the landing."""
-        if self._tip.load_n > UNLOADED_N:
+        if not self._tip.is_unloaded:
             self._offset_m += (self._by_the_flipper(pitch, flipper) - self._offset_m) * (1.0 - math.exp(-dt_s / REFINE_S))
 
     def _by_the_flipper(self, pitch: float, flipper: FlipperReading) -> float:

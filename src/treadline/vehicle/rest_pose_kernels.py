@@ -211,7 +211,8 @@ def describe(th: float, x: float, angles: Any, parts: Any, masses: Any, ground: 
         torques: Torque of each joint's motor [N m].
         out: Pitch, height of B's origin, centre of mass (x, z), front contact (x, z), rear contact (x, z), share of the weight at
             the front contact, slopes of the ground at both contacts, margin to the front and to the rear [rad], parts at both
-            contacts; and for each joint the torque by which the ground turns it away [N m].
+            contacts; and for each joint the torque by which the ground turns it up [N m]. Belts hold the chair against the slope with
+            the same share of friction at both contacts: a tip that reaches far down bears more torque than its load alone has.
     """
     body, weighs = posture(angles, parts, masses)
     used = body.shape[0]
@@ -229,11 +230,14 @@ def describe(th: float, x: float, angles: Any, parts: Any, masses: Any, ground: 
     out[13], out[14] = front[6], rear[6]
     out[15:] = 0.0
     weight_n = 9.81 * (weighs[0] + weighs[3])
+    holds = share * front[5] + (1.0 - share) * rear[5]  # the part of its normal force that each contact adds along the ground
     for which in range(2):
         at, borne = (front, share) if which == 0 else (rear, 1.0 - share)
-        joint = int(body[at[6], 5])
-        if joint >= 0:
-            out[15 + joint] += borne * weight_n * abs(at[3] - _axis(at[6], low, x, body))
+        part = at[6]
+        if body[part, 5] >= 0.0:
+            ahead = at[3] - _axis(part, low, x, body)
+            below = front[7] + math.sin(low) * body[part, 0] + math.cos(low) * body[part, 1] - at[4]
+            out[15 + int(body[part, 5])] += borne * weight_n * (ahead + (holds - at[5]) * below)
     return True
 
 
