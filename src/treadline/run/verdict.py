@@ -274,12 +274,9 @@ def _beyond_rating(chair: ChairDescription, climb: Climb, payload_kg: float) -> 
         return None
     if climb.slope_rad > rating.slope_deg * DEG + 1e-9:
         return f"{climb.steepness}, chair '{chair.name}' is rated for {rating.slope_deg:g}°; take another way"
-    is_steep = climb.slope_rad > rating.steep_deg * DEG
-    most_kg = rating.steep_payload_kg if is_steep else rating.payload_kg
-    if payload_kg <= most_kg:
+    if payload_kg <= rating.payload_kg:
         return None
-    where = f" on flights above {rating.steep_deg:g}°" if is_steep else ""
-    return f"a payload of {payload_kg:g} kg; chair '{chair.name}' is rated for {most_kg:g} kg{where}"
+    return f"a payload of {payload_kg:g} kg; chair '{chair.name}' is rated for {rating.payload_kg:g} kg"
 
 
 def _no_seat_to_shift(loading: Chair, chair: ChairDescription) -> str | None:

@@ -201,10 +201,7 @@ class Rating(Settings):
     slope_deg: Annotated[float, Field(ge=5.0, le=45.0)]
     """Slope of the steepest flight; no [stair] is flatter than 5°."""
     payload_kg: Mass
-    """Largest payload on any flight."""
-    steep_payload_kg: Mass
-    """Largest payload on flights steeper than ``steep_deg``, limited by the flipper motor at the crest."""
-    steep_deg: Annotated[float, Field(gt=0.0, le=90.0)]
+    """Largest payload on any flight; how steep a flight it may be follows from the flipper's torque."""
 
 
 class CameraMount(Settings):

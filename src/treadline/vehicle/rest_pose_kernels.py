@@ -253,23 +253,27 @@ def _margin(
 ) -> float:
     """Return the angle by which gravity may turn before the chair turns over the last ground that carries it [rad].
 
-    That is the ground it meets within ``SUPPORT_RAD``. A moving part bears the weight as far as its motor's torque goes, from the
-    last ground under the parts that do not move.
+    That is the contact, or the ground it meets within ``SUPPORT_RAD``. A moving part bears the weight as far as its motor's torque
+    goes, from the last ground under the parts that do not move.
     """
     fixed = 0
     while fixed < body.shape[0] and body[fixed, 5] < 0.0:
         fixed += 1
-    place, height, on = near[3], near[4], near[6]
+    held = contact(turned, x, body, weighs, ground, fixed)
+    last, low = far[3], far[4]
+    if held[6] >= 0 and way * (held[3] - last) > 0.0:
+        last, low = held[3], held[4]
     edge = contact(turned, x, body, weighs, ground, body.shape[0])
-    if edge[6] >= 0 and way * (edge[3] - place) > 0.0:
-        place, height, on = edge[3], edge[4], edge[6]
-    joint = int(body[on, 5])
-    if joint >= 0:
-        lever = abs(place - _axis(on, th, x, body))
-        borne = min(torques[joint] / max(9.81 * (weighs[0] + weighs[3]) * lever, 1e-9), 1.0)
-        held = contact(turned, x, body, weighs, ground, fixed)
-        last, low = far[3], far[4]
-        if held[6] >= 0 and way * (held[3] - last) > 0.0:
-            last, low = held[3], held[4]
-        place, height = last + borne * (place - last), low + borne * (height - low)
-    return math.atan2(way * (place - near[1]), near[2] - height)
+    most, height = far[3], far[4]
+    for which in range(2):
+        at = near if which == 0 else edge
+        if at[6] < 0:
+            continue
+        place, high, joint = at[3], at[4], int(body[at[6], 5])
+        if joint >= 0:
+            lever = abs(place - _axis(at[6], th, x, body))
+            borne = min(torques[joint] / max(9.81 * (weighs[0] + weighs[3]) * lever, 1e-9), 1.0)
+            place, high = last + borne * (place - last), low + borne * (high - low)
+        if way * (place - most) > 0.0:
+            most, height = place, high
+    return math.atan2(way * (most - near[1]), near[2] - height)
