@@ -10,7 +10,7 @@ import math
 from treadline.control.belt_allocation import GENTLE_M_S2
 from treadline.core.signals import ImuSample, TrackReading
 from treadline.scenario.chair import GRAVITY_M_S2
-from treadline.vehicle.traction import NORMAL_SLIP, RESERVE, TEST_ERROR, friction_needed
+from treadline.vehicle.traction import NORMAL_SLIP, RESERVE, TEST_EXCESS, friction_needed
 
 DEMAND = 0.085
 """Friction demand of the pulse in excess of tan β, as a share of tan β."""
@@ -91,9 +91,9 @@ class TractionTest:
 
     @property
     def holds(self) -> bool:
-        """Whether the friction suffices, by that which ``check`` asks for, less the test's error.
+        """Whether the friction suffices, by that which ``check`` asks for, and the excess of this test.
 
         A chair that is pitched more than the stair must still follow the belts by the ratio that may slip normally.
         """
-        least_m_s2 = self._speeding_up(RESERVE - TEST_ERROR)
+        least_m_s2 = self._speeding_up(RESERVE + TEST_EXCESS)
         return self.slip < 1.0 - max(least_m_s2 / self._asked_m_s2, NORMAL_SLIP)
