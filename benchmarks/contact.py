@@ -17,6 +17,7 @@ import platform
 import sys
 import time
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -183,7 +184,9 @@ def coulomb(case: Case, start: Track, belts_m_s: tuple[float, float], duration_s
     chair, pitch_m = (CHAIR, LOADING, slope), RUN_M / math.cos(slope)
     if has_inertia:
         return dynamic_run(*chair, pitch_m, (MU, MU), belts_m_s, duration_s, **place)
-    return quasi_static_run(*chair, pitch_m, (MU, MU), *belts_m_s, duration_s, **place)
+    return quasi_static_run(
+        CHAIR, partial(centre_of_mass, CHAIR, LOADING), slope, pitch_m, (MU, MU), *belts_m_s, duration_s, **place
+    )
 
 
 def theory(case: Case, start: Track, *, has_inertia: bool) -> tuple[str, str]:

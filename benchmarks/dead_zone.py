@@ -2,6 +2,7 @@
 
 import math
 import sys
+from functools import partial
 
 import numpy as np
 from tables import table
@@ -10,8 +11,11 @@ from treadline.core.angles import DEG
 from treadline.core.paper import FRICTION
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair, Stair
+from treadline.vehicle.bodies import centre_of_mass
 from treadline.vehicle.quasi_static import Stance, SteadyMotion, stair_stance, steady_motion
 
+CHAIR = read_chair("wheelchair")
+CENTRE = partial(centre_of_mass, CHAIR, Chair())
 SLOW_M_S = 0.1
 HEADINGS_DEG = (0.0, 5.0, 10.0, 15.0, 30.0)
 DIFFERENCES_M_S = (-1.0, -0.6, -0.4, -0.2, -0.1, -0.05, -0.02, 0.02, 0.05, 0.1, 0.2, 0.4, 0.6, 1.0)
@@ -32,7 +36,7 @@ def yaw_rate_deg_s(stance: Stance, friction: tuple[float, float], difference_m_s
 def print_table(slope_deg: float, friction: tuple[float, float]) -> None:
     slope, rows = slope_deg * DEG, []
     for heading_deg in HEADINGS_DEG:
-        stance = stair_stance(read_chair("wheelchair"), Chair(), slope, Stair().run_m / math.cos(slope), heading_deg * DEG)
+        stance = stair_stance(CHAIR, CENTRE, slope, Stair().run_m / math.cos(slope), heading_deg * DEG)
         rates = [yaw_rate_deg_s(stance, friction, difference) for difference in DIFFERENCES_M_S]
         rows.append([f"{heading_deg:.0f}°", *(f"{round(rate, 2) + 0.0:.2f}" for rate in rates)])
     case = f"slower belt {SLOW_M_S} m/s, {slope_deg:g}°, friction {friction[0]}/{friction[1]}"
@@ -66,9 +70,9 @@ def print_shares() -> None:
         cells: list[str] = []
         for slope_deg in (25.0, 28.0, 30.0):
             slope = slope_deg * DEG
-            stance = stair_stance(read_chair("wheelchair"), Chair(), slope, Stair().run_m / math.cos(slope))
+            stance = stair_stance(CHAIR, CENTRE, slope, Stair().run_m / math.cos(slope))
             motion = steady_motion(stance, friction, 0.15, 0.25)
-            room = mean_distance_m(stance) < turning_room_m(slope, friction, read_chair("wheelchair").tracks.gauge_m)
+            room = mean_distance_m(stance) < turning_room_m(slope, friction, CHAIR.tracks.gauge_m)
             shares = (turning_share(motion, 1e-3 * DEG), turning_share(motion, 1.0 * DEG), float(room.mean()))
             cells.append("/".join(f"{100.0 * share:.0f}" for share in shares))
         rows.append([f"{friction[0]}/{friction[1]}", *cells])

@@ -332,7 +332,7 @@ SIDE_RUNS: dict[str, Callable[[Variation], Outcome]] = {
     "straight-28-open": _straight("open"),
     "as-printed-28": _scored(  # counts however it ends
         lambda: as_printed.as_printed_turn(TURN_S),
-        ("time_up", "held", "fell"),
+        ("time_up", "held", "held_rough", "fell"),
         as_printed.paper_controller(plan.TABLE_SPEED_M_S),
     ),
     "seat-28": _seat,

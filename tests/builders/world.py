@@ -124,6 +124,8 @@ def limits(**changes: Any) -> GuardConfig:
         "rear_m": 0.55,
         "gauge_m": 0.65,
         "track_span_m": 0.95,
+        "level_turn_share": 0.789,
+        "normal_slip": 0.3,
         "driver_timeout_s": 0.75,
         "has_planner": False,
     }

@@ -356,7 +356,7 @@ def slipping(config: GuardConfig, *steps: tuple[float, float, float], turn_rad: 
 def test_slip_is_reported_after_its_time_and_held_after_twice() -> None:
     """Test: half of 1/16 m each eighth of a second is lost, for 3, 4, 7, 8 maps. Expected result: slip from the fourth on, a cause
     from the eighth."""
-    config = limits(deviation=0.25)
+    config = limits(normal_slip=0.25)
     assert slipping(config, (0.0625, 0.03125, 3)).slip == 0.0
     assert slipping(config, (0.0625, 0.03125, 4)).slip == 0.5
     assert slipping(config, (0.0625, 0.03125, 7)).cause is None
@@ -387,17 +387,17 @@ def test_belts_that_are_slowed_down_do_not_hide_that_a_chair_catches_up() -> Non
 
 def test_slip_at_its_limit_is_none_nor_is_it_below_the_noise() -> None:
     """Test: exactly a quarter lost; much lost of a very short way; little lost. Expected result: no slip."""
-    assert slipping(limits(deviation=0.25), (0.0625, 0.015625, 12)).slip == 0.0
-    assert slipping(limits(deviation=0.25), (0.0625, 0.0166, 12)).slip > 0.25
-    assert slipping(limits(deviation=0.25), (0.0074, 0.0064, 12)).slip == 0.0
-    assert slipping(limits(deviation=0.25), (0.0076, 0.0064, 12)).slip > 0.8
-    assert slipping(limits(deviation=0.25), (0.0078125, 0.0037, 12)).slip == 0.0
-    assert slipping(limits(deviation=0.25), (0.0078125, 0.0039, 12)).slip > 0.4
+    assert slipping(limits(normal_slip=0.25), (0.0625, 0.015625, 12)).slip == 0.0
+    assert slipping(limits(normal_slip=0.25), (0.0625, 0.0166, 12)).slip > 0.25
+    assert slipping(limits(normal_slip=0.25), (0.0074, 0.0064, 12)).slip == 0.0
+    assert slipping(limits(normal_slip=0.25), (0.0076, 0.0064, 12)).slip > 0.8
+    assert slipping(limits(normal_slip=0.25), (0.0078125, 0.0037, 12)).slip == 0.0
+    assert slipping(limits(normal_slip=0.25), (0.0078125, 0.0039, 12)).slip > 0.4
 
 
 def test_slip_that_ends_is_forgotten_and_begins_anew() -> None:
     """Test: slip for 5 maps, none for 4, slip for 5. Expected result: no cause; none while it turns or has a heading error."""
-    config = limits(deviation=0.25, slip_turn_rad=0.0625, square_rad=0.125)
+    config = limits(normal_slip=0.25, slip_turn_rad=0.0625, square_rad=0.125)
     lost, none = (0.0625, 0.03125), (0.0625, 0.0)
     assert slipping(config, (*lost, 5), (*none, 4), (*lost, 5)).cause is None
     assert slipping(config, (*lost, 5), (*none, 4), (*lost, 12)).cause is not None
@@ -409,7 +409,7 @@ def test_slip_that_ends_is_forgotten_and_begins_anew() -> None:
 
 def test_a_chair_rolls_back_beyond_its_limit() -> None:
     """Test: forwards, then back by 0.25 m and by more. Expected result: a cause beyond, counted from the furthest place."""
-    config = limits(deviation=9.0, roll_back_m=0.25)
+    config = limits(normal_slip=9.0, roll_back_m=0.25)
     forwards = (0.0625, 0.0, 4)
     assert slipping(config, forwards, (0.0625, 0.125, 4)).cause is None
     assert slipping(config, forwards, (0.0625, 0.125, 5)).cause == "rolled back 0.31 m"
@@ -424,7 +424,7 @@ def test_nosings_out_of_view_do_not_make_good_for_what_was_rolled_back(lost: str
     t_s = 2.0 if lost == "late" else 1.625
     there = np.array([1.1875, 1.6875, 2.1875, 2.6875]) - (0.275 if lost == "others" else 0.0)
     for anew in ("", "begin", "forget"):
-        watch = slipping(limits(deviation=9.0), (0.0, 0.0625, 3))
+        watch = slipping(limits(normal_slip=9.0), (0.0, 0.0625, 3))
         if lost == "empty":
             watch.look(1.5, [], 0.125, 0.0)
         if anew:
@@ -473,7 +473,7 @@ def test_maps_without_nosings_or_long_apart_are_not_compared() -> None:
 def test_nosings_that_are_not_where_any_was_begin_anew_and_one_stray_does_not_count() -> None:
     """Test: after some slip, maps 0.15 m apart under belts that stand; then four nosings, one of them off. Expected result: these
     are other nosings, and what was lost is forgotten; the middle of four is what the chair did."""
-    watch = slipping(limits(deviation=0.25), (0.0625, 0.03125, 7))
+    watch = slipping(limits(normal_slip=0.25), (0.0625, 0.03125, 7))
     there = np.array([1.28125, 1.78125, 2.28125, 2.78125])
     assert watch.slip == 0.5
     watch.look(2.0, list(there), 0.4375, 0.0)

@@ -1,6 +1,7 @@
 """Bounds of the turn that the guard ascribes to the belts while the gyro alone gives the heading, against quasi-static friction."""
 
 import math
+from functools import partial
 
 import pytest
 from world import limits
@@ -8,11 +9,12 @@ from world import limits
 from treadline.core.angles import DEG
 from treadline.core.signals import MotionPlan
 from treadline.guard._gyro_only_turn import GyroOnlyTurn
+from treadline.mission.mission_blocks import guard_config
+from treadline.mission.mission_config import MissionConfig
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair
+from treadline.vehicle.bodies import centre_of_mass
 from treadline.vehicle.quasi_static import floor_stance, stair_stance, steady_motion
-
-LEVEL_RAD_M = 1.214
 
 TABLE_I = (0.62, 0.5)
 CLIMB = MotionPlan(t_s=0.0, phase="climb", speed_m_s=0.1, needs_stair=False)
@@ -24,9 +26,10 @@ CLIMB = MotionPlan(t_s=0.0, phase="climb", speed_m_s=0.1, needs_stair=False)
 def test_no_belt_difference_turns_a_chair_on_nosings_by_more_than_belts_that_do_not_skid(
     model: str, payload_kg: float, friction: tuple[float, float], slope_deg: float
 ) -> None:
-    chair, loading = read_chair(model), Chair(model=model, payload_kg=payload_kg)
+    chair = read_chair(model)
+    centre = partial(centre_of_mass, chair, Chair(model=model, payload_kg=payload_kg))
     for heading_deg in (0.0, 5.0, 20.0):
-        stance = stair_stance(chair, loading, slope_deg * DEG, 0.30 / math.cos(slope_deg * DEG), heading_deg * DEG, 20)
+        stance = stair_stance(chair, centre, slope_deg * DEG, 0.30 / math.cos(slope_deg * DEG), heading_deg * DEG, 20)
         for difference in (0.1, -0.1):
             motion = steady_motion(stance, friction, 0.1 + max(-difference, 0.0), 0.1 + max(difference, 0.0))
             # A belt's width is part of the gauge at its inner edge: a nosing phase may turn the chair by a few per cent more.
@@ -36,9 +39,10 @@ def test_no_belt_difference_turns_a_chair_on_nosings_by_more_than_belts_that_do_
 
 def test_the_turn_on_the_level_is_the_quasi_static_one_of_the_wheelchair() -> None:
     chair = read_chair("wheelchair")
-    motion = steady_motion(floor_stance(chair, Chair(payload_kg=50.0)), TABLE_I, 0.1, 0.2)
-    # The constant has three digits.
-    assert motion.mean[2] / 0.1 == pytest.approx(LEVEL_RAD_M, abs=0.0006)
+    motion = steady_motion(floor_stance(chair, partial(centre_of_mass, chair, Chair(payload_kg=50.0))), TABLE_I, 0.1, 0.2)
+    share = guard_config(MissionConfig(chair=chair, payload_kg=50.0), 0.25).level_turn_share
+    # The mission's centre of mass takes the flipper at its axis.
+    assert motion.mean[2] / 0.1 == pytest.approx(share / chair.tracks.gauge_m, rel=0.01)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

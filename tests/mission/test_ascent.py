@@ -257,7 +257,7 @@ def test_too_little_friction_backs_off_level_and_refuses_with_the_number() -> No
     world = Foot(grip=0.02)
     plan = world.run("back_off")
     assert plan.cause.startswith("too little friction: ")
-    assert f"below {1.065 * math.tan(SLOPE_RAD):.2f}" in plan.cause
+    assert f"below {1.05 * math.tan(SLOPE_RAD):.2f}" in plan.cause
     from_m = world.x_m
     plan = world.run("refused")
     assert plan.cause.startswith("too little friction: ")

@@ -194,6 +194,16 @@ def test_too_little_friction_is_refused_and_backed_off_with_the_chair_level_agai
     assert 0.3 < farthest - run.trace["x_m"][-1] < 1.0
 
 
+@pytest.mark.parametrize("direction", ["up", "down"])
+def test_what_check_lets_in_with_hardly_more_friction_than_its_reserve_arrives(direction: str) -> None:
+    """Test: a robot of 20 kg on 30.4°, friction 1.058 tan β. Expected: arrival; no turn is ascribed to belts in the dead zone."""
+    stair, place = {"rise_m": 0.17, "run_m": 0.29, "steps": 6, "landing_m": LANDING_M}, "floor" if direction == "up" else "landing"
+    tables = {"stair": stair, "chair": {"model": "rescue", "payload_kg": 2.0}, "start": {"place": place, "lateral_m": -0.1}}
+    driven = {"drive": {"direction": direction, "duration_s": 90.0}, "sensors": {"camera": "statistical"}}
+    run = traverse(Scenario.model_validate(tables | driven), seed=1)
+    assert (run.verdict, run.cause) == ("arrived", None)
+
+
 def test_what_check_forbids_does_not_move() -> None:
     run = Trip(stair={"friction": (0.54, 0.5)}).run()
     assert run.verdict == "refused"

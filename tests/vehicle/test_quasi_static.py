@@ -2,6 +2,7 @@
 
 import csv
 import math
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from treadline.core.angles import DEG
 from treadline.core.errors import MechanicsError
 from treadline.scenario.chair import ChairDescription, Masses, read_chair
 from treadline.scenario.scenario import Chair
+from treadline.vehicle.bodies import centre_of_mass
 from treadline.vehicle.quasi_static import (
     Stance,
     SteadyMotion,
@@ -37,7 +39,7 @@ belts = st.floats(0.02, 0.5)
 
 def on_stair(slope_deg: float, heading_rad: float = 0.0, phases: int = FEW_PHASES, loading: Chair = LOADING) -> Stance:
     slope = slope_deg * DEG
-    return stair_stance(read_chair("wheelchair"), loading, slope, RUN_M / math.cos(slope), heading_rad, phases)
+    return stair_stance(CHAIR, partial(centre_of_mass, CHAIR, loading), slope, RUN_M / math.cos(slope), heading_rad, phases)
 
 
 def turning_share(motion: SteadyMotion, least_deg_s: float) -> float:
@@ -63,7 +65,7 @@ def on_road_wheels(road_wheels: int) -> ChairDescription:
 
 
 def floor_yaw_rad_s(chair: ChairDescription, friction: tuple[float, float]) -> float:
-    return float(steady_motion(floor_stance(chair, LOADING), friction, -0.1, 0.1).yaw_rad_s[0])
+    return float(steady_motion(floor_stance(chair, partial(centre_of_mass, chair, LOADING)), friction, -0.1, 0.1).yaw_rad_s[0])
 
 
 def test_on_the_floor_the_chair_turns_at_the_published_rate() -> None:
@@ -78,7 +80,7 @@ def test_six_road_wheels_turn_like_a_belt_that_bears_along_its_length(friction: 
 
 
 def test_road_wheels_carry_as_an_even_elastic_bed_does() -> None:
-    stance = floor_stance(CHAIR, LOADING)
+    stance = floor_stance(CHAIR, partial(centre_of_mass, CHAIR, LOADING))
     x = np.unique(stance.x_m)
     load = np.array([stance.load[stance.x_m == place].sum() for place in x])
     centre_m = float(x @ load)
@@ -103,7 +105,7 @@ def test_a_real_tracked_robot_turns_at_the_predicted_rate() -> None:
     tracks = CHAIR.tracks.model_copy(update={"flat_run_m": 0.70, "gauge_m": 0.606})
     masses = Masses(chassis_kg=61.0, chassis_com_m=(0.0, 0.0, 0.2), chassis_size_m=(0.7, 0.5, 0.3))
     robot = CHAIR.model_copy(update={"tracks": tracks, "masses": masses, "seat": None, "flipper": None})
-    stance = floor_stance(robot, Chair(payload_kg=0.0))
+    stance = floor_stance(robot, partial(centre_of_mass, robot, Chair(payload_kg=0.0)))
     expected = [steady_motion(stance, TABLE_I, *belts).yaw_rad_s[0] for belts in zip(left.tolist(), right.tolist(), strict=True)]
     # Measured: 0.041; without slip 0.098, on the ends of the flat runs alone 0.174.
     assert np.sqrt(np.mean((expected - measured) ** 2)) <= 0.07
@@ -215,10 +217,11 @@ def test_a_run_turns_as_its_steady_motions_do_while_its_heading_is_small(chair: 
     motion = steady_motion(on_stair(25.0, phases=200), TABLE_I, 0.19, 0.21)
     # An average over time: a phase lasts as long as its speed is low.
     along, yaw = (float(np.average(speed, weights=1.0 / motion.climb_m_s)) for speed in (motion.along_m_s, motion.yaw_rad_s))
-    run = quasi_static_run(chair, LOADING, slope, pitch_m, TABLE_I, 0.19, 0.21, pitch_m / along)
+    centre = partial(centre_of_mass, chair, LOADING)
+    run = quasi_static_run(chair, centre, slope, pitch_m, TABLE_I, 0.19, 0.21, pitch_m / along)
     assert run.climbed_m[-1] == pytest.approx(pitch_m, rel=2e-3)
     assert run.yaw_rad_s == pytest.approx(yaw, rel=0.1)
-    finer = quasi_static_run(chair, LOADING, slope, pitch_m, TABLE_I, 0.19, 0.21, pitch_m / along, step_s=0.0025)
+    finer = quasi_static_run(chair, centre, slope, pitch_m, TABLE_I, 0.19, 0.21, pitch_m / along, step_s=0.0025)
     # A phase that turns, 43 mm, begins or ends within one integration step of 1 mm.
     assert run.yaw_rad_s == pytest.approx(finer.yaw_rad_s, rel=0.02)
 
@@ -233,7 +236,7 @@ def test_speeds_durations_pitches_and_headings_that_cannot_be_are_refused(chair:
     with pytest.raises(MechanicsError, match="must be finite"):
         steady_motion(on_stair(25.0), TABLE_I, math.nan, 0.2)
     with pytest.raises(MechanicsError, match="both must be positive"):
-        quasi_static_run(chair, LOADING, 0.4, 0.33, TABLE_I, 0.1, 0.1, 0.0)
+        quasi_static_run(chair, partial(centre_of_mass, chair, LOADING), 0.4, 0.33, TABLE_I, 0.1, 0.1, 0.0)
     with pytest.raises(MechanicsError, match="their pitch"):
         nosing_contacts(chair.tracks, 0.0, 0.0, 0.5)
     with pytest.raises(MechanicsError, match=r"heading 90\.0°; up to ±80°"):

@@ -1,6 +1,7 @@
 """Traction: the friction ellipse, against forces added up by hand."""
 
 import math
+from functools import partial
 
 import pytest
 from hypothesis import given
@@ -8,7 +9,11 @@ from hypothesis import strategies as st
 
 from treadline.core.angles import DEG
 from treadline.core.errors import MechanicsError
-from treadline.vehicle.tracks import friction_use, largest_heading_rad
+from treadline.scenario.chair import read_chair
+from treadline.scenario.scenario import Chair
+from treadline.vehicle.bodies import centre_of_mass
+from treadline.vehicle.quasi_static import stair_stance
+from treadline.vehicle.traction import dead_zone_rad, friction_use, largest_heading_rad, turn_share
 
 TABLE_I = (0.62, 0.5)
 coefficients = st.floats(0.05, 2.0)
@@ -54,3 +59,24 @@ def test_at_30_degrees_the_chair_holds_to_a_heading_of_32() -> None:
     assert by_hand / DEG == pytest.approx(32.26, abs=0.01)
     # At 25° there is more grip across than any heading needs.
     assert largest_heading_rad(25.0 * DEG, TABLE_I) == 0.5 * math.pi
+
+
+@pytest.mark.parametrize(("model", "payload_kg"), [("wheelchair", 50.0), ("wheelchair", 100.0), ("rescue", 3.0)])
+@pytest.mark.parametrize("slope_deg", [22.0, 30.0])
+def test_belts_turn_the_chair_outside_its_dead_zone_and_inside_only_with_more_friction(
+    model: str, payload_kg: float, slope_deg: float
+) -> None:
+    chair, pitch_m = read_chair(model), 0.30 / math.cos(slope_deg * DEG)
+    zone_rad = dead_zone_rad(chair, payload_kg)
+
+    def share(heading_rad: float, ratio: float) -> float:
+        stance = stair_stance(
+            chair, partial(centre_of_mass, chair, Chair(payload_kg=payload_kg)), slope_deg * DEG, pitch_m, heading_rad, phases=20
+        )
+        along = ratio * math.tan(slope_deg * DEG)
+        return turn_share(stance, chair.tracks.gauge_m, (along, 0.5 / 0.62 * along))
+
+    # 1.05: the friction that check asks for. A twentieth of a turn without skidding is none, and 2° lie between two slopes.
+    assert max(share(heading, 1.05) for heading in (0.0, 0.5 * zone_rad, zone_rad - 2.0 * DEG)) < 0.06
+    assert share(zone_rad + 3.0 * DEG, 1.05) > 0.06
+    assert share(0.0, 2.0) > 0.4

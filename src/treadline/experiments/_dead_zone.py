@@ -7,6 +7,7 @@ place (``vehicle.quasi_static``), which knows nothing of the simulator.
 
 import math
 from contextlib import closing
+from functools import partial
 from typing import Any
 
 from treadline.core.angles import DEG
@@ -14,6 +15,7 @@ from treadline.core.signals import SeatCommand, TrackCommand
 from treadline.experiments.plan import FIG10_SLOPE, turn
 from treadline.plant.mujoco import open_plant
 from treadline.scenario.scenario import Scenario
+from treadline.vehicle.bodies import centre_of_mass
 from treadline.vehicle.quasi_static import quasi_static_run
 
 HEADINGS_DEG = (0, 5, 10, 15, 30)
@@ -54,9 +56,10 @@ def _theory(scenario: Scenario, heading_rad: float, x_m: float, difference_m_s: 
     """Return the mean yaw rate of a quasi-static run from the same heading and place [rad/s]."""
     stair = scenario.stair
     pitch_m = math.hypot(stair.rise_m, stair.run_m)
+    chair = scenario.read_chair()
     run = quasi_static_run(
-        scenario.read_chair(),
-        scenario.chair,
+        chair,
+        partial(centre_of_mass, chair, scenario.chair),
         stair.slope_rad,
         pitch_m,
         stair.friction,

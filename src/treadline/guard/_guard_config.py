@@ -35,6 +35,10 @@ class GuardConfig:
     """Distance between the belts' centre lines [m]; the turn by the belts is inversely proportional to it."""
     track_span_m: float
     """Flat run of the belts [m]: three neighbouring nosings must lie closer together, or the track rests on one (row 17)."""
+    level_turn_share: float
+    """Turn by the belts on flat ground, as a share of that of belts that do not skid (``vehicle.traction``)."""
+    normal_slip: float
+    """Largest slip ratio by the nosings of a sound chair that drives straight (row 14, ``vehicle.traction``)."""
     driver_timeout_s: float
     """Time without a command, or without a tick, after which the guard holds [s]: three control periods. From half of this time the
     belts ramp down (row 11)."""
@@ -105,8 +109,7 @@ class GuardConfig:
     """Standard deviation of the colours, 0 to 1, below which they are not used: two of 256 steps, the noise of a sensor."""
 
     deviation: float = 0.3
-    """Largest deviation of a belt from the speed expected of its drive, as a share of that speed, and largest slip ratio by the
-    nosings (rows 13 and 14); a sound chair that drives straight slips by 1 mm in 60."""
+    """Largest deviation of a belt from the speed expected of its drive, as a share of that speed (row 13)."""
     mismatch_spare_m_s: float = 0.03
     """Absolute part of the deviation of a belt, and speed up to which a belt stands [m/s]."""
     mismatch_s: float = 0.2

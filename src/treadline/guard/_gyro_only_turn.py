@@ -14,8 +14,6 @@ from treadline.guard._guard_config import FLIGHT, OVER, GuardConfig
 OVER_SHARE = 0.26
 """Share of the turn of belts that do not skid, over one nosing: measured with a drifting gyro on 0.62/0.5 at 22°; 0.03 to 0.47 at
 22 to 28° and with 0.9/0.5."""
-LEVEL_SHARE = 0.789
-"""The same on flat ground, by quasi-static friction of 0.62/0.5."""
 SWINGS_RAD_S = 4.5 * DEG
 """Filtered pitch rate above which the chair swings over a nosing [rad/s]. The swing itself turns it by a degree or two, which the
 belts rightly correct."""
@@ -87,13 +85,14 @@ class GyroOnlyTurn:
         """Return the turn as a share of that of belts that do not skid.
 
         On a flight this is the whole: quasi-static Coulomb friction gives 0 (28°, friction 0.62/0.5: dead zone) to 0.94 (20°,
-        0.9/0.5), and the guard does not know the friction.
+        0.9/0.5), and nobody knows more of the friction than that it suffices. The planner does not steer in the dead zone of that
+        friction without a stair in view, so that no turn is commanded there.
         """
         if phase in FLIGHT:
             return 1.0
         if abs(self._swing_rad_s) > SWINGS_RAD_S:
             return 0.0
-        return OVER_SHARE if abs(self._pitch_rad) > self._config.level_rad else LEVEL_SHARE
+        return OVER_SHARE if abs(self._pitch_rad) > self._config.level_rad else self._config.level_turn_share
 
 
 def heading_fault(config: GuardConfig, estimate: HeadingEstimate | None, plan: MotionPlan | None) -> str | None:

@@ -101,7 +101,7 @@ class SlipMonitor:
         square = max(abs(heading) for heading in headings) <= limits.square_rad
         straight = square and max(headings) - min(headings) <= limits.slip_turn_rad
         judged = straight and t_s - then_s >= window_s and driven >= DRIVEN_LEAST_M
-        self.slip = slip_ratio(slid, driven) if judged and slid > max(limits.deviation * driven, SLID_LEAST_M) else 0.0
+        self.slip = slip_ratio(slid, driven) if judged and slid > max(limits.normal_slip * driven, SLID_LEAST_M) else 0.0
         if self.slip == 0.0:
             self._since_s = None
         elif self._since_s is None or slid < FALLING * self._since_slid_m:

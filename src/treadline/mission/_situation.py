@@ -22,7 +22,7 @@ from treadline.core.signals import (
 )
 from treadline.core.step_sizes import ON_A_FLIGHT_RAD
 from treadline.estimation.known_nosings import KnownNosings
-from treadline.estimation.stair_tracker import Side, StairTracker
+from treadline.estimation.stair_tracker import SLIP_VALID_S, Side, StairTracker
 from treadline.mission._flat_ground_steering import SQUARE_RAD, LevelSteering
 from treadline.mission._flipper_planner import FlipperPlanner, turning_share
 from treadline.mission._skid_monitor import SkidMonitor
@@ -31,6 +31,7 @@ from treadline.mission.entry_check import certain_reject_reason, reject_reason
 from treadline.mission.mission_config import MissionConfig
 from treadline.mission.planner import PlannerInput
 from treadline.vehicle.loading import Loading, plumb
+from treadline.vehicle.traction import dead_zone_rad
 
 LEVEL_RAD = 2.0 * DEG
 """Absolute pitch below which the chair is horizontal [rad]."""
@@ -89,6 +90,7 @@ class FlightSituation:
         self._flipper_planner = FlipperPlanner(chair, way.rides_rad)
         self._tip_over = TipOverFeedforward()
         self._loading = Loading(chair=chair, payload_kg=config.payload_kg)
+        self._dead_zone_rad = dead_zone_rad(chair, config.payload_kg)
         self._pivot_m = 0.5 * chair.tracks.flat_run_m
         self._half_width_m = chair.half_width_m
         self._needs_m = chair.swept_half_m + SIDE_M
@@ -404,12 +406,16 @@ class FlightSituation:
 
         Args:
             square_rad: Heading set point.
-            blind: Whether no stair is in view. A chair that is square is not steered then: belts that follow a drifting gyro turn
-                it; with a belt that has lost friction they turn nothing, which the guard cannot distinguish from gyro drift.
+            blind: Whether no stair need be in view. A chair that is square is not steered then. Without a map it is not steered in
+                the dead zone: belts that follow a drifting gyro turn it where there is more friction than the traction test has
+                shown, and turn nothing where there is not, which the guard cannot distinguish.
         """
         slides = self._way.sign > 0.0  # uphill, belts that slip grip again at equal speeds
         slip_m_s = self._where.slip_m_s(self.t_s) if slides else 0.0
         roll_back_m = (self._where.roll_back_m(self.t_s) or 0.0) if slides else 0.0
-        spared = blind and self._estimate is not None and abs(self._estimate.heading_rad - square_rad) < SQUARE_RAD
+        spare_rad = SQUARE_RAD if blind else 0.0
+        if self.t_s - self._where.map_s > SLIP_VALID_S:
+            spare_rad = self._dead_zone_rad
+        spared = self._estimate is not None and abs(self._estimate.heading_rad - square_rad) < spare_rad
         steers = self._skid.steering_allowed(self.t_s, self._tracks, self._estimate, square_rad, slip_m_s, roll_back_m)
         return None if steers and not spared else 0.0

@@ -10,15 +10,10 @@ import math
 from treadline.control.belt_allocation import GENTLE_M_S2
 from treadline.core.signals import ImuSample, TrackReading
 from treadline.scenario.chair import GRAVITY_M_S2
-
-MOST_SLIP = 0.7
-"""Slip ratio above which the test is lost, whatever acceleration was commanded."""
-
+from treadline.vehicle.traction import NORMAL_SLIP, RESERVE, TEST_EXCESS, friction_needed
 
 DEMAND = 0.085
 """Friction demand of the pulse in excess of tan β, as a share of tan β."""
-WANTED = 0.065
-"""Required friction in excess of tan β, as a share of tan β: between 0.05, which must be refused, and 0.10, which must not."""
 PULSE_S = 0.6
 """Duration of the pulse, and of the rest before it [s]; gravity and bias are averaged over the second half of the rest."""
 
@@ -81,7 +76,7 @@ class TractionTest:
 
     def _speeding_up(self, share: float) -> float:
         """Return the acceleration along the belts that needs friction of (1 + share)·tan β [m/s²]."""
-        friction = (1.0 + share) * math.tan(self._slope_rad)
+        friction = friction_needed(self._slope_rad, share)
         return GRAVITY_M_S2 * (friction * math.cos(self._pitch_rad) - math.sin(self._pitch_rad))
 
     @property
@@ -96,5 +91,9 @@ class TractionTest:
 
     @property
     def holds(self) -> bool:
-        """Whether the friction suffices."""
-        return self.slip < min(1.0 - self._speeding_up(WANTED) / self._asked_m_s2, MOST_SLIP)
+        """Whether the friction suffices, by that which ``check`` asks for, and the excess of this test.
+
+        A chair that is pitched more than the stair must still follow the belts by the ratio that may slip normally.
+        """
+        least_m_s2 = self._speeding_up(RESERVE + TEST_EXCESS)
+        return self.slip < 1.0 - max(least_m_s2 / self._asked_m_s2, NORMAL_SLIP)

@@ -24,9 +24,10 @@ from treadline.mission._situation import (
     Way,
     on_the_tip,
 )
-from treadline.mission._traction_test import WANTED, TractionTest
+from treadline.mission._traction_test import TractionTest
 from treadline.mission.mission_config import MissionConfig
 from treadline.mission.planner import PlannerInput
+from treadline.vehicle.traction import friction_needed
 
 CREST_SPARE_RAD = 1.7 * DEG
 """Heading error that is not corrected over the crest [rad]. Only the gyro measures the heading there. A gyro drift of 1 °/s for six
@@ -193,7 +194,7 @@ class Ascent(FlightSituation):
         test = self._traction
         if test is None or not test.over or test.holds or self._pulses < PULSES:
             return None
-        wanted = (1.0 + WANTED) * math.tan(self._where.slope_rad)
+        wanted = friction_needed(self._where.slope_rad)
         return f"too little friction: {self._slip_of(test)}, so it is below {wanted:.2f}; dry or roughen the nosings"
 
     @staticmethod

@@ -22,6 +22,7 @@ from treadline.mission.planner import Cruise, Planner
 from treadline.perception import DetectorConfig, StairDetector
 from treadline.perception.frame_quality import quality_of
 from treadline.perception.free_ground import ground_ahead
+from treadline.vehicle.traction import NORMAL_SLIP, level_turn_share
 
 PERIODS_MISSED = 3
 """Control periods without a command after which the guard holds."""
@@ -168,6 +169,8 @@ def guard_config(config: MissionConfig, period_s: float, *, driven: bool = True)
         rear_m=chair.rear_reach_m,
         gauge_m=tracks.gauge_m,
         track_span_m=tracks.flat_run_m,
+        level_turn_share=level_turn_share(chair, config.payload_kg),
+        normal_slip=NORMAL_SLIP,
         awaits_ground=config.reports_ground,
         needs_heading=config.loop == "closed",
         watches_slip=config.allocation == "climb-safe" and config.loop == "closed" and driven,

@@ -28,16 +28,9 @@ from treadline.vehicle.staircase import as_designed
 from treadline.vehicle.start_pose import length_m
 from treadline.vehicle.rest_poses import rest_chair
 from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD, Margins, Support, tipping_margins
-from treadline.vehicle.tracks import (
-    friction_use,
-    largest_heading_rad,
-    minimum_track_length,
-    nosings_touched,
-    track_on_stair_m,
-)
+from treadline.vehicle.tracks import minimum_track_length, nosings_touched, track_on_stair_m
+from treadline.vehicle.traction import friction_needed, friction_use, shortage
 
-TRACTION_RESERVE = 1.05
-"""Required ratio of friction to tan β, a reserve for jolts at the nosings."""
 SEAT_RESERVE_RAD = 3.0 * DEG
 """Required range of the seat beyond the slope [rad]: the chair rocks over nosings."""
 BRAKE_RESERVE = 1.5
@@ -137,7 +130,7 @@ def check(scenario: Scenario, chair: ChairDescription, mission: MissionConfig) -
         reason
         for reason in (
             _beyond_rating(chair, climb, loading.payload_kg),
-            _too_slippery(stair, climb, heading),
+            shortage(slope, heading, stair.mean_friction, climb.below),
             _too_heavy_for_the_brakes(chair, loading.payload_kg, climb),
             None if seat_range is None else _too_steep_for_the_seat(seat_range[1], climb),
             _no_seat_to_shift(scenario.chair, chair),
@@ -164,7 +157,7 @@ def check(scenario: Scenario, chair: ChairDescription, mission: MissionConfig) -
         track_length_margin_m=length_m - minimum_track_length(stair.rise_m, stair.run_m) if is_flight else None,
         nosings_in_contact=nosings_touched(length_m, climb.pitch_m, climb.pitch_m) if is_flight else 1,
         friction_needed=math.tan(slope),
-        friction_needed_with_reserve=TRACTION_RESERVE * math.tan(slope),
+        friction_needed_with_reserve=friction_needed(slope),
         friction_available=stair.mean_friction[0],
         friction_use_at_start=friction_use(slope, heading, stair.mean_friction),
         stability_margin_deg={side: getattr(margins, side) / DEG for side in SIDES},
@@ -297,22 +290,6 @@ def _turned_nosings(scenario: Scenario) -> str | None:
                 turned = f"the nosings of steps {low.index} and {high.index} differ in direction by {turned_rad / DEG:.1f}°"
                 return f"{turned}, above {TURNED_RAD / DEG:g}°: the chair would drop from one belt to the other; take another way"
     return None
-
-
-def _too_slippery(stair: Stair, climb: Climb, heading_rad: float) -> str | None:
-    friction, needed = stair.mean_friction[0], TRACTION_RESERVE * math.tan(climb.slope_rad)
-    if friction < needed:
-        return (
-            f"friction {friction:.2f} is below {TRACTION_RESERVE:g} × tan β = {needed:.2f}; roughen the nosings or take "
-            f"{climb.below(math.atan(friction / TRACTION_RESERVE))}"
-        )
-    use = friction_use(climb.slope_rad, heading_rad, stair.mean_friction)
-    if use < 1.0:
-        return None
-    return (
-        f"at a heading of {heading_rad / DEG:.0f}° the chair slides (friction use {use:.2f}); start squarer than "
-        f"{largest_heading_rad(climb.slope_rad, stair.mean_friction) / DEG:.0f}°"
-    )
 
 
 def _too_heavy_for_the_brakes(chair: ChairDescription, payload_kg: float, climb: Climb) -> str | None:

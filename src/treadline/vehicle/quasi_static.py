@@ -1,8 +1,8 @@
 """Quasi-static skid steering: motion of a tracked chair at given belt speeds under Coulomb friction.
 
-``chair, loading, slope, heading -> Stance``: contact points of the belts on a flight or a floor, and the normal force at each. All
-quantities are in B, in the plane of the belts' underside: x forward, y left, origin mid-track. ``Stance, friction, belt speeds ->
-SteadyMotion``, in the same axes; integrated over time, a ``QuasiStaticRun``.
+``chair, centre of mass, slope, heading -> Stance``: contact points of the belts on a flight or a floor, and the normal force at
+each. All quantities are in B, in the plane of the belts' underside: x forward, y left, origin mid-track. ``Stance, friction, belt
+speeds -> SteadyMotion``, in the same axes; integrated over time, a ``QuasiStaticRun``.
 
 Belt speeds change slowly against friction's deceleration (5 m/s²), so friction balances gravity at every instant. By the principle
 of maximum dissipation the balancing velocity q = (v_x, v_y, ω) minimises the convex function
@@ -17,7 +17,7 @@ degree), so a run of some seconds is integrated.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,8 +26,6 @@ from jaxtyping import Bool, Float
 from treadline.core.errors import MechanicsError
 from treadline.core.rotations import Vector3
 from treadline.scenario.chair import ChairDescription, Tracks
-from treadline.scenario.scenario import Chair
-from treadline.vehicle.bodies import centre_of_mass
 from treadline.vehicle.tracks import road_wheels
 
 ROUNDING = np.geomspace(1e-1, 1e-8, 8)
@@ -43,6 +41,8 @@ HEADING_LIMIT_RAD = math.radians(80.0)
 """Largest heading of a stance on nosings [rad]: beyond it a belt lies along a nosing or between two."""
 LOAD_STEPS = 100
 """Limit of the Newton steps for the loads; none is needed if all contacts carry."""
+Centre = Callable[[float], tuple[float, float, float]]
+"""Centre of mass in B [m] at a forward seat angle [rad]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -125,14 +125,14 @@ def contact_loads(
 
 
 def stair_stance(
-    chair: ChairDescription, loading: Chair, slope_rad: float, pitch_m: float, heading_rad: float = 0.0, phases: int = PHASES
+    chair: ChairDescription, centre: Centre, slope_rad: float, pitch_m: float, heading_rad: float = 0.0, phases: int = PHASES
 ) -> Stance:
     """Return a chair's contacts on the nosings of a flight, seat level, at evenly spaced nosing phases."""
-    return nosing_stance(chair, loading, slope_rad, pitch_m, heading_rad, [(k + 0.5) / phases for k in range(phases)])
+    return nosing_stance(chair, centre, slope_rad, pitch_m, heading_rad, [(k + 0.5) / phases for k in range(phases)])
 
 
 def nosing_stance(
-    chair: ChairDescription, loading: Chair, slope_rad: float, pitch_m: float, heading_rad: float, phases: Sequence[float]
+    chair: ChairDescription, centre: Centre, slope_rad: float, pitch_m: float, heading_rad: float, phases: Sequence[float]
 ) -> Stance:
     """Return a chair's contacts on the nosings of a flight, seat level, at given nosing phases.
 
@@ -140,15 +140,15 @@ def nosing_stance(
         MechanicsError: If the chair tips over in one of them.
     """
     contacts = [nosing_contacts(chair.tracks, pitch_m, heading_rad, phase) for phase in phases]
-    return _stance(chair, loading, contacts, slope_rad, heading_rad)
+    return _stance(centre, contacts, slope_rad, heading_rad)
 
 
-def floor_stance(chair: ChairDescription, loading: Chair, slope_rad: float = 0.0, heading_rad: float = 0.0) -> Stance:
+def floor_stance(chair: ChairDescription, centre: Centre, slope_rad: float = 0.0, heading_rad: float = 0.0) -> Stance:
     """Return a chair's contacts on a floor or an even ramp: both edges of each belt on its road wheels, as in the plant."""
     x, stiffness = road_wheels(chair.tracks)
     edges = _edges(chair.tracks)
     points = np.column_stack([np.tile(x, len(edges)), np.repeat(edges, len(x))])
-    return _stance(chair, loading, [points], slope_rad, heading_rad, np.tile(stiffness, len(edges)))
+    return _stance(centre, [points], slope_rad, heading_rad, np.tile(stiffness, len(edges)))
 
 
 def _edges(tracks: Tracks) -> Float[np.ndarray, " 4"]:
@@ -157,8 +157,7 @@ def _edges(tracks: Tracks) -> Float[np.ndarray, " 4"]:
 
 
 def _stance(
-    chair: ChairDescription,
-    loading: Chair,
+    centre: Centre,
     contacts: list[Float[np.ndarray, "_ 2"]],
     slope_rad: float,
     heading_rad: float,
@@ -167,12 +166,12 @@ def _stance(
     uphill = np.array([math.cos(heading_rad), -math.sin(heading_rad)])
     pull = -math.tan(slope_rad) * uphill
     seat_rad = math.asin(math.sin(slope_rad) * math.cos(heading_rad))
-    com = np.array(centre_of_mass(chair, loading, seat_rad))
-    centre = com[:2] + com[2] * pull
+    com = np.array(centre(seat_rad))
+    plumb = com[:2] + com[2] * pull
     padded = np.zeros((3, len(contacts), max(len(points) for points in contacts)))
     for k, points in enumerate(contacts):
         padded[:2, k, : len(points)] = points.T
-        padded[2, k, : len(points)] = contact_loads(points, centre, stiffness)
+        padded[2, k, : len(points)] = contact_loads(points, plumb, stiffness)
     wrench = np.array([pull[0], pull[1], com[0] * pull[1] - com[1] * pull[0]])
     return Stance(x_m=padded[0], y_m=padded[1], load=padded[2], wrench=wrench, uphill=uphill)
 
@@ -256,7 +255,7 @@ class QuasiStaticRun:
 
 def quasi_static_run(
     chair: ChairDescription,
-    loading: Chair,
+    centre: Centre,
     slope_rad: float,
     pitch_m: float,
     friction: tuple[float, float],
@@ -285,7 +284,7 @@ def quasi_static_run(
     heading, climbed = np.full(count + 1, heading_rad), np.zeros(count + 1)
     for k in range(count):
         phase = math.fmod((nosing_ahead_m - climbed[k]) / pitch_m, 1.0)
-        stance = nosing_stance(chair, loading, slope_rad, pitch_m, float(heading[k]), [phase])
+        stance = nosing_stance(chair, centre, slope_rad, pitch_m, float(heading[k]), [phase])
         motion = steady_motion(stance, friction, left_m_s, right_m_s)
         heading[k + 1] = heading[k] + step * motion.yaw_rad_s[0]
         climbed[k + 1] = climbed[k] + step * motion.climb_m_s[0]

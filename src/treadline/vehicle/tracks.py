@@ -1,10 +1,6 @@
-"""Tracks: pulleys, road wheels, length on the nosings, minimum track length; traction on the nosing plane.
+"""Tracks: pulleys, road wheels, length on the nosings, minimum track length.
 
 Paper: Section II.A, Fig. 3(b). "Wheelchair tracks must be in contact with at least two stair edges": L > 2√(h² + w²).
-
-Traction: Section II.A, Table I (μ = 0.62 along, μ₂ = 0.5 across). Gravity pulls down the slope with tan β per unit of normal force;
-at a heading ψ the components are cos ψ along the belts and sin ψ across. The chair holds inside the friction ellipse (cos ψ tan β /
-μ)² + (sin ψ tan β / μ₂)² < 1.
 """
 
 import math
@@ -66,28 +62,3 @@ def in_line_m(chair: ChairDescription) -> float:
 def track_on_stair_m(chair: ChairDescription) -> float:
     """Return the length of the track in the nosing plane [m]: the flat run, and the section in line with it."""
     return chair.tracks.flat_run_m + in_line_m(chair)
-
-
-def friction_use(slope_rad: float, heading_rad: float, friction: tuple[float, float]) -> float:
-    """Return the used fraction of the friction ellipse at a heading; the chair slides at 1."""
-    along, across = friction
-    pull = math.tan(slope_rad)
-    return math.hypot(math.cos(heading_rad) * pull / along, math.sin(heading_rad) * pull / across)
-
-
-def largest_heading_rad(slope_rad: float, friction: tuple[float, float]) -> float:
-    """Return the largest heading at which friction holds the chair on a slope [rad]; π/2 without a limit.
-
-    Raises:
-        MechanicsError: If the chair slides even at zero heading.
-    """
-    if friction_use(slope_rad, 0.0, friction) >= 1.0:
-        raise MechanicsError(
-            f"friction {friction[0]:.2f} cannot hold a slope that needs {math.tan(slope_rad):.2f}; roughen the nosings"
-        )
-    pull = math.tan(slope_rad)
-    lengthwise, sidewise = (pull / friction[0]) ** 2, (pull / friction[1]) ** 2
-    if sidewise <= 1.0:
-        return 0.5 * math.pi
-    # lengthwise cos² + sidewise sin² = 1, solved for sin².
-    return math.asin(math.sqrt((1.0 - lengthwise) / (sidewise - lengthwise)))

@@ -39,7 +39,7 @@ from treadline.vehicle.bodies import payload_com, payload_origin
 from treadline.vehicle.stair_solids import stair_surfaces
 from treadline.vehicle.staircase import Staircase, build_staircase, up_W
 from treadline.vehicle.tip_over_margin import ROCKING_M, TIP_GAP_M
-from treadline.vehicle.tracks import friction_use
+from treadline.vehicle.traction import friction_use
 
 
 class CameraLink:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from oracles.dynamic_coulomb import dynamic_run
@@ -15,6 +16,7 @@ from treadline.plant.mujoco import NOMINAL, MujocoPlant, Physics, open_plant
 from treadline.plant.mujoco import _step_kernels as kernels
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Chair, Scenario
+from treadline.vehicle.bodies import centre_of_mass
 from treadline.vehicle.quasi_static import QuasiStaticRun, SteadyMotion, stair_stance, steady_motion
 
 TABLE_I = (0.62, 0.5)
@@ -162,8 +164,8 @@ def plant_run(plant: MujocoPlant, belts: tuple[float, float], duration_s: float,
 
 def over_a_pitch(slope_deg: float, friction: tuple[float, float], belts: tuple[float, float], heading: float = 0.0) -> SteadyMotion:
     """Return the quasi-static motion in 200 evenly spaced nosing phases."""
-    slope = slope_deg * DEG
-    stance = stair_stance(read_chair("wheelchair"), Chair(), slope, RUN_M / math.cos(slope), heading)
+    slope, chair = slope_deg * DEG, read_chair("wheelchair")
+    stance = stair_stance(chair, partial(centre_of_mass, chair, Chair()), slope, RUN_M / math.cos(slope), heading)
     return steady_motion(stance, friction, *belts)
 
 
