@@ -1,9 +1,9 @@
 """Random profiles: what ``check`` says of kerbs, sills, garden stairs and uneven flights, and what the drive then does.
 
-Run: ``python benchmarks/profiles.py [--draws N] [--seed N] [--refused N] [--workers N]`` (five seconds of CPU for each draw that may
-be driven). A scenario is drawn, checked, and driven with the statistical camera if ``check`` says go. A go is wrong if the drive tips,
-is held or refused, or turns faster than a quiet drive does. Of the refused draws so many are driven too, with ``drive.check = false``
-and an errorless camera: a refusal is wrong if that drive arrives quietly.
+Run: ``python benchmarks/profiles.py [--draws N] [--seed N] [--refused N] [--workers N]`` (five seconds of CPU for each draw that
+may be driven). A scenario is drawn, checked, and driven with the statistical camera if ``check`` says go. A go is wrong if the
+drive tips, is held or refused, or turns faster than a quiet drive does. Of the refused draws so many are driven too, with
+``drive.check = false`` and an errorless camera: a refusal is wrong if that drive arrives quietly.
 """
 
 import argparse
@@ -72,7 +72,9 @@ def judged(number: int, seed: int, drive_refused: bool) -> dict[str, Any]:
     if report.verdict == "go":
         drive = scenario_of({**tables, "sensors": {"camera": "statistical"}}, Path(), where=f"draw {number}")
     elif drive_refused:
-        drive = scenario_of({**tables, "sensors": {"model": "ideal"}, "drive": {**tables["drive"], "check": False}}, Path(), where=f"draw {number}")
+        drive = scenario_of(
+            {**tables, "sensors": {"model": "ideal"}, "drive": {**tables["drive"], "check": False}}, Path(), where=f"draw {number}"
+        )
     else:
         return row
     try:

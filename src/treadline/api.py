@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from treadline.run.episode import Traverse
     from treadline.run.resolve import ControllerSource, DetectorSource, EstimatorSource, Opener, PlantName
     from treadline.run.run_scores import Scores
+    from treadline.run.verdict import CheckReport
     from treadline.scenario import Scenario
     from treadline.scenario.camera_file import CameraFile
-    from treadline.run.verdict import CheckReport
 
     Data: TypeAlias = ArrayLike | InputOutputRecord | str | Path
 

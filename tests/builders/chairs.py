@@ -3,11 +3,11 @@
 from pathlib import Path
 from typing import Any
 
+from treadline.run.resolve import checked as check
+from treadline.run.verdict import CheckReport
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Scenario
 from treadline.scenario.shipped_files import CHAIRS
-from treadline.run.resolve import checked as check
-from treadline.run.verdict import CheckReport
 
 CHAIR = read_chair("wheelchair")
 

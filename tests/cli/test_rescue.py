@@ -8,10 +8,10 @@ import pytest
 
 from treadline.core.angles import DEG
 from treadline.io.runs import read_series
+from treadline.run.resolve import checked as check
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair, Scenario, Stair, Start
 from treadline.vehicle.tracks import minimum_track_length
-from treadline.run.resolve import checked as check
 
 FLIGHT = """\
 [stair]

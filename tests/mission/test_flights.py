@@ -9,10 +9,10 @@ from world import RISE_M, RUN_M, SLOPE_RAD, stair
 from treadline.core.signals import StairMap
 from treadline.estimation.stair_tracker import StairTracker
 from treadline.run.episode import Traverse, traverse
+from treadline.run.resolve import checked as check
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario
 from treadline.scenario.shipped_files import shipped_controller
-from treadline.run.resolve import checked as check
 
 # Maps that a nosing, a gap and the next flight need, and the pause after which that is looked at anew (docs/decisions/0019).
 KNOWN_AFTER, GAP_KNOWN_AFTER, NEXT_MAPS, NEXT_S = 2, 6, 5, 1.0

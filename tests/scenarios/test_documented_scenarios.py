@@ -9,9 +9,9 @@ import pytest
 from treadline.core.signals import SeatCommand, TrackCommand
 from treadline.plant.faults import faulty
 from treadline.plant.mujoco import open_plant
+from treadline.run.resolve import checked as check
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario, read_scenario
-from treadline.run.resolve import checked as check
 
 PAGE = (Path(__file__).parents[2] / "docs" / "scenarios.md").read_text(encoding="utf-8")
 EXAMPLES: dict[str, str] = dict(re.findall(r"\n### ([^\n]+)\n[^#]*?```toml\n(.*?)```", PAGE, re.DOTALL))

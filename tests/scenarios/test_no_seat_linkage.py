@@ -19,6 +19,7 @@ from treadline.plant.mujoco import open_plant
 from treadline.ros.assembly import driving_nodes, node_of
 from treadline.ros.lockstep import LockStep
 from treadline.run.recorded_run import recorded_run
+from treadline.run.resolve import checked as check
 from treadline.run.resolve import mission_config, resolve
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair, Scenario
@@ -27,7 +28,6 @@ from treadline.vehicle.bodies import centre_of_mass, payload_place, vehicle
 from treadline.vehicle.loading import Loading
 from treadline.vehicle.sdf import sdf_model
 from treadline.vehicle.urdf import urdf
-from treadline.run.resolve import checked as check
 
 PAYLOAD = "[payload]\ncom_m = [0.25, 0.0, 0.45]\nsize_m = [0.35, 0.40, 0.30]\n\n"
 

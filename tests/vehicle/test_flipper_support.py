@@ -8,11 +8,11 @@ from chairs import with_piece
 from scipy.optimize import linprog
 
 from treadline.mission.entry_check import reject_reason
+from treadline.run.resolve import checked as check
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Chair, Scenario
 from treadline.vehicle.tip_over_margin import worst_support
 from treadline.vehicle.tracks import track_on_stair_m
-from treadline.run.resolve import checked as check
 
 FLIPPERS, FIXED = read_chair("wheelchair"), read_chair("wheelchair-fixed")
 HEAVY_N = 9.81 * 180.0

@@ -10,12 +10,12 @@ import pytest
 from treadline.core.rotations import rotation_z
 from treadline.core.signals import SeatCommand, TrackCommand
 from treadline.plant.mujoco import open_plant
+from treadline.run.resolve import checked as check
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario, Stair, Start
 from treadline.vehicle.stair_solids import Box, stair_boxes
 from treadline.vehicle.staircase import Staircase, as_designed
 from treadline.vehicle.start_pose import standing
-from treadline.run.resolve import checked as check
 
 KEYS: dict[str, Any] = {"rise_m": 0.16, "run_m": 0.30, "steps": 6, "flights": 3, "between_m": 2.4, "width_m": 1.4, "landing_m": 3.0}
 

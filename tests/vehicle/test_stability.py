@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from treadline.vehicle.verdict import static_margins
 
 from treadline.core.angles import DEG
 from treadline.core.rotations import rotation_x, rotation_y, rotation_z
@@ -13,7 +14,6 @@ from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Chair
 from treadline.vehicle.bodies import centre_of_mass
 from treadline.vehicle.tip_over_margin import Margins, Support, tipping_margins, worst_support
-from treadline.vehicle.verdict import static_margins
 
 CHAIR = read_chair("wheelchair-fixed")
 RUN_M = 0.30

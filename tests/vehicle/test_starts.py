@@ -9,12 +9,12 @@ import pytest
 
 from treadline.core.errors import MechanicsError
 from treadline.core.rotations import rotation_z
+from treadline.run.resolve import checked as check
 from treadline.run.resolve import ready
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario
 from treadline.vehicle._start_checks import PlacedPart, depth_of_overlap
 from treadline.vehicle.stair_solids import Box
-from treadline.run.resolve import checked as check
 
 CHAIR = read_chair("wheelchair")
 

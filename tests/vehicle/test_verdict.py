@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 
 from treadline.core.angles import DEG
 from treadline.core.errors import MechanicsError
+from treadline.run.resolve import checked as check
+from treadline.run.verdict import CheckReport
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import SEAT_SHIFT_M, DriveSettings, Scenario, Start, read_scenario, shipped_scenarios
 from treadline.scenario.shipped_files import CHAIRS
 from treadline.vehicle.loading import Loading
-from treadline.run.resolve import checked as check
-from treadline.run.verdict import CheckReport
 
 
 def assert_refused_only_for(report: CheckReport, *words: str) -> str:

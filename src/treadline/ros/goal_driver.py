@@ -19,7 +19,8 @@ from treadline.mission.mission_config import MissionConfig
 from treadline.mission.planner import Planner, PlannerInput
 from treadline.ros.block_nodes import DriverNode
 from treadline.vehicle.loading import Loading, centre_of_mass_level
-from treadline.vehicle.tip_over_margin import tipping_margins, worst_support
+from treadline.vehicle.rest_poses import rest_chair
+from treadline.vehicle.tip_over_margin import sideways_margins
 
 
 class TraversalProgress(NamedTuple):
@@ -51,6 +52,7 @@ class GoalDriverNode(DriverNode):
     def __init__(self, config: MissionConfig, limits: GuardConfig) -> None:
         self._config = config
         self._loading = Loading(chair=config.chair, payload_kg=config.payload_kg)
+        self._chair = rest_chair(config.chair, config.payload_kg)
         super().__init__(*_planner_and_driver(config), limits)
         self._newest: dict[type, PlannerInput] = {}
         self._t_s = self._until_s = 0.0
@@ -150,11 +152,13 @@ class GoalDriverNode(DriverNode):
         imu, stair = self._newest.get(ImuSample), self._newest.get(StairMap)
         if not isinstance(imu, ImuSample):
             return math.nan
-        nosings = (math.hypot(stair.rise_m, stair.run_m), self._loading.weight_n) if isinstance(stair, StairMap) else (0.0, None)
+        rise_m, run_m = (stair.rise_m, stair.run_m) if isinstance(stair, StairMap) else (0.0, 1.0)
+        front_rad, rear_rad = self._chair.least_margins(rise_m, run_m, (0.0,))
+        leans_rad = imu.pitch_rad - math.atan2(rise_m, run_m)
+        ux, uy, uz = rotation_of(imu.orientation)[2].tolist()
         x_m, z_m = centre_of_mass_level(self._loading, imu.pitch_rad)
-        up_B = rotation_of(imu.orientation)[2]
-        support = worst_support(self._config.chair, *nosings)
-        return tipping_margins((x_m, 0.0, z_m), (float(up_B[0]), float(up_B[1]), float(up_B[2])), support).worst
+        sideways = sideways_margins(self._config.chair.tracks, (x_m, 0.0, z_m), (ux, uy, uz))
+        return min(front_rad + leans_rad, rear_rad - leans_rad, *sideways)
 
 
 def _planner_and_driver(config: MissionConfig) -> tuple[Planner, Driver]:

@@ -1,8 +1,8 @@
 """``treadline check``: whether a chair may climb a stair, judged by mechanics before any motion.
 
-``Scenario, ChairDescription, MissionConfig -> CheckReport``. What a map or a data sheet excludes is refused at once; else the mission's
-planner walks the whole ground (``run.walk``), and a scenario is ``go`` exactly where that walk is quiet. Each refusal states its number
-and a remedy; a remedy against an unquiet walk has been walked.
+``Scenario, ChairDescription, MissionConfig -> CheckReport``. What a map or a data sheet excludes is refused at once; else the
+mission's planner walks the whole ground (``run.walk``), and a scenario is ``go`` exactly where that walk is quiet. Each refusal
+states its number and a remedy; a remedy against an unquiet walk has been walked.
 """
 
 import itertools
@@ -24,10 +24,10 @@ from treadline.vehicle.bodies import centre_of_mass, oversized_lugs
 from treadline.vehicle.climb import Climb, climb_of
 from treadline.vehicle.linkage import SeatLinkage
 from treadline.vehicle.loading import Loading
+from treadline.vehicle.rest_poses import rest_chair
 from treadline.vehicle.staircase import as_designed
 from treadline.vehicle.start_pose import length_m
-from treadline.vehicle.rest_poses import rest_chair
-from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD, Margins, Support, tipping_margins
+from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD, Margins, sideways_margins
 from treadline.vehicle.tracks import minimum_track_length, nosings_touched, track_on_stair_m
 from treadline.vehicle.traction import friction_needed, friction_use, shortage
 
@@ -125,7 +125,7 @@ def check(scenario: Scenario, chair: ChairDescription, mission: MissionConfig) -
     slope = climb.slope_rad
     seat_range = None if chair.seat is None else SeatLinkage(chair.seat).angle_range
     length_m = track_on_stair_m(chair)
-    is_flight = climb.spacing_m is not None
+    is_flight = climb.is_flight
     reasons = [
         reason
         for reason in (
@@ -172,19 +172,18 @@ def check(scenario: Scenario, chair: ChairDescription, mission: MissionConfig) -
 def least_margins(chair: ChairDescription, loading: Chair, climb: Climb, heading_rad: float, walked: Walk | None) -> Margins:
     """Return the least tip-over margins on the way; without a walk, those of a long flight with such steps.
 
-    A front margin is ``uphill`` and a rear margin is ``downhill``: the chair faces up in both directions. Sideways the chair stands on
-    its belts' outer edges.
+    A front margin is ``uphill`` and a rear margin is ``downhill``: the chair faces up in both directions. Sideways the chair stands
+    on its belts' outer edges.
     """
-    up = (math.sin(climb.slope_rad) * math.cos(heading_rad), -math.sin(climb.slope_rad) * math.sin(heading_rad), math.cos(climb.slope_rad))
-    half_width_m = 0.5 * (chair.tracks.gauge_m + chair.tracks.belt_width_m)
-    support = Support(front_m=math.inf, rear_m=math.inf, left_m=half_width_m, right_m=half_width_m)
-    sideways = tipping_margins(centre_of_mass(chair, loading, math.asin(up[0])), up, support)
+    slope_rad = climb.slope_rad
+    up = (math.sin(slope_rad) * math.cos(heading_rad), -math.sin(slope_rad) * math.sin(heading_rad), math.cos(slope_rad))
+    left, right = sideways_margins(chair.tracks, centre_of_mass(chair, loading, math.asin(up[0])), up)
     if walked is not None:
         front, rear = walked.least_front.pose.front_margin_rad, walked.least_rear.pose.rear_margin_rad
     else:
         loaded = rest_chair(chair, loading.payload_kg, offset_m=loading.payload_offset_m, seat_shift_m=loading.seat_shift_m)
         front, rear = loaded.least_margins(climb.rise_m, math.sqrt(climb.pitch_m**2 - climb.rise_m**2), (0.0,))
-    return replace(sideways, uphill=front, downhill=rear)
+    return Margins(uphill=front, downhill=rear, left=left, right=right)
 
 
 def _unquiet(scenario: Scenario, chair: ChairDescription, mission: MissionConfig, walked: Walk) -> tuple[str | None, float | None]:

@@ -1,9 +1,9 @@
 """Walk: the mission's planner drives a chair that rests on the ground at every instant, without a simulator of motion.
 
 ``Scenario, MissionConfig -> Walk``. The planner receives what an errorless camera, IMU and drives would report and moves belts and
-flipper; the chair follows its rest pose (``vehicle.rest_poses``), or falls where that vanishes. What a drive does slowly, and that is
-all that it is meant to do, a walk shows in a fraction of a second: pitch, margins, torque and friction on the whole way. It knows no
-lateral motion and no slip.
+flipper; the chair follows its rest pose (``vehicle.rest_poses``), or falls where that vanishes. What a drive does slowly, and that
+is all that it is meant to do, a walk shows in a fraction of a second: pitch, margins, torque and friction on the whole way. It
+knows no lateral motion and no slip.
 """
 
 import math
@@ -15,7 +15,14 @@ from jaxtyping import Float
 from treadline.core.angles import DEG
 from treadline.core.errors import MechanicsError
 from treadline.core.rotations import rotation_y
-from treadline.core.signals import FlipperReading, HeadingEstimate, HeadingMeasurement, ImuSample, MotionPlan, StairMap, TrackReading
+from treadline.core.signals import (
+    FlipperReading,
+    HeadingEstimate,
+    ImuSample,
+    MotionPlan,
+    StairMap,
+    TrackReading,
+)
 from treadline.mission.mission_blocks import planner_of
 from treadline.mission.mission_config import MissionConfig
 from treadline.mission.planner import Planner

@@ -1,8 +1,8 @@
 """Compiled core of ``rest_poses``: contact of capsules with a polyline, the pitch at rest, and a pose followed along a move.
 
-All in the vertical plane through the chair's middle: x along the drive, z up, pitch nose up. A chair is rows of ``parts`` (``PART``),
-rows of ``masses`` (``MASS``) and one angle per moving part; with the angles set it is a ``posture``. The ground is rows of vertices
-(x, z, radius).
+All in the vertical plane through the chair's middle: x along the drive, z up, pitch nose up. A chair is rows of ``parts``
+(``PART``), rows of ``masses`` (``MASS``) and one angle per moving part; with the angles set it is a ``posture``. The ground is rows
+of vertices (x, z, radius).
 """
 
 import math
@@ -16,8 +16,8 @@ PART = ("x_m", "z_m", "length_m", "radius_m", "offset_rad", "sign", "joint")
 """Columns of a part: a capsule from a point in B over a length, at ``offset + sign · angle of its joint`` to the flat run; joint -1
 for a part that does not move. Parts that do not move come first."""
 MASS = ("kg", "x_m", "z_m", "part", "", "", "")
-"""Columns of a mass: its place in B with part -1, or on the axis of a part at a distance from its start. The last row is the seat with
-its load: kg, hinge (x, z), place from the hinge (x, z), and the range of its angle [rad]."""
+"""Columns of a mass: its place in B with part -1, or on the axis of a part at a distance from its start. The last row is the seat
+with its load: kg, hinge (x, z), place from the hinge (x, z), and the range of its angle [rad]."""
 STEP_RAD = math.radians(0.5)
 """Step of the search for the next pose at rest [rad]: below the smallest angle between two rest poses, about 0.7°."""
 HALVINGS = 8
@@ -77,8 +77,8 @@ def contact(
         used: Number of parts that may touch, the first ones.
 
     Returns:
-        Lever of the weight ahead of the contact (positive turns the nose down), centre of mass (x, z), contact (x, z), tangent of the
-        slope of the ground at the contact, the part that touches, and the height of B's origin.
+        Lever of the weight ahead of the contact (positive turns the nose down), centre of mass (x, z), contact (x, z), tangent of
+        the slope of the ground at the contact, the part that touches, and the height of B's origin.
     """
     c, s = math.cos(th), math.sin(th)
     top, cx, cz, slope, on = -1e9, 0.0, 0.0, 0.0, -1
@@ -175,7 +175,8 @@ def follow(
     """Follow the rest pose of a chair over one move of place and joints.
 
     Returns:
-        Pitch at the end; the part of the move that was made; angle and drop of the largest fall on the way; and ``RESTS``, ``TURNS_OVER``, or ``BLOCKED`` by a wall, which would lift the chair at once.
+        Pitch at the end; the part of the move that was made; angle and drop of the largest fall on the way; and ``RESTS``,
+        ``TURNS_OVER``, or ``BLOCKED`` by a wall, which would lift the chair at once.
     """
     done, size = 0.0, 1.0
     angle, drop = 0.0, 0.0
@@ -211,8 +212,8 @@ def describe(th: float, x: float, angles: Any, parts: Any, masses: Any, ground: 
         torques: Torque of each joint's motor [N m].
         out: Pitch, height of B's origin, centre of mass (x, z), front contact (x, z), rear contact (x, z), share of the weight at
             the front contact, slopes of the ground at both contacts, margin to the front and to the rear [rad], parts at both
-            contacts; and for each joint the torque by which the ground turns it up [N m]. Belts hold the chair against the slope with
-            the same share of friction at both contacts: a tip that reaches far down bears more torque than its load alone has.
+            contacts; and for each joint the torque by which the ground turns it up [N m]. Belts hold the chair against the slope
+            with the same share of friction at both contacts: a tip that reaches far down bears more torque than its load alone has.
     """
     body, weighs = posture(angles, parts, masses)
     used = body.shape[0]

@@ -1,9 +1,9 @@
 """Rest poses: where a tracked chair comes to rest on a ground profile, and how it falls when that pose vanishes.
 
 ``RestChair, ground, place, joint angles -> RestPose``. In the vertical plane through its middle a chair is a list of capsules (flat
-run, fixed nose, flippers), the ground a polyline. A chair at rest touches the ground at two contacts, with its weight between them; a
-place may have several such poses, so that the pose belongs to the state of a chair and is followed (``RestChair.moved``). The seat is
-level within its range. What is lateral stays outside: ``tip_over_margin``, ``quasi_static``.
+run, fixed nose, flippers), the ground a polyline. A chair at rest touches the ground at two contacts, with its weight between them;
+a place may have several such poses, so that the pose belongs to the state of a chair and is followed (``RestChair.moved``). The
+seat is level within its range. What is lateral stays outside: ``tip_over_margin``, ``quasi_static``.
 """
 
 import math
@@ -103,7 +103,8 @@ class RestChair:
         out = np.empty(15 + self.torques_n_m.size)
         if not describe(pitch_rad, x_m, np.array(angles_rad), self.parts, self.masses, ground, self.torques_n_m, out):
             raise MechanicsError(f"the chair cannot stand with its middle at {x_m:.2f} m: it would turn over")
-        pitch, height, com_x, com_z, front_x, front_z, rear_x, rear_z, share, rising, falling, ahead, behind, front, rear, *torques = out.tolist()
+        pitch, height, *places, share, rising, falling, ahead, behind, front, rear = out[:15].tolist()
+        com_x, com_z, front_x, front_z, rear_x, rear_z = places
         return RestPose(
             x_m=x_m,
             angles_rad=angles_rad,
@@ -117,7 +118,7 @@ class RestChair:
             front_margin_rad=ahead,
             rear_margin_rad=behind,
             parts=(int(front), int(rear)),
-            torques_n_m=tuple(torques),
+            torques_n_m=tuple(out[15:].tolist()),
         )
 
     def moved(self, ground: Ground, pose: RestPose, x_m: float, angles_rad: tuple[float, ...]) -> tuple[RestPose, Fall | None]:
@@ -129,9 +130,7 @@ class RestChair:
             MechanicsError: If the chair turns over.
         """
         before, after = np.array(pose.angles_rad), np.array(angles_rad)
-        pitch, part, angle, drop_m, ends = follow(
-            pose.pitch_rad, pose.x_m, before, x_m, after, self.parts, self.masses, ground
-        )
+        pitch, part, angle, drop_m, ends = follow(pose.pitch_rad, pose.x_m, before, x_m, after, self.parts, self.masses, ground)
         if ends == BLOCKED:
             x_m, angles_rad = pose.x_m + part * (x_m - pose.x_m), tuple((before + part * (after - before)).tolist())
         rests = self.at(ground, x_m, angles_rad, pitch)
@@ -149,8 +148,9 @@ class RestChair:
             angles_rad: Angles of the joints.
         """
         count = math.ceil(LONG_FLIGHT_M / run_m)
-        steps = np.arange(-count, count + 1.0)
-        ground = np.stack([steps.repeat(2) * run_m, (steps.repeat(2) + np.tile([-1.0, 0.0], steps.size)) * rise_m, 0.0 * steps.repeat(2)], axis=1)
+        steps = np.arange(-count, count + 1.0).repeat(2)
+        heights = (steps + np.tile([-1.0, 0.0], 2 * count + 1)) * rise_m
+        ground = np.stack([steps * run_m, heights, np.zeros_like(steps)], axis=1)
         try:
             pose = self.at(ground, 0.0, angles_rad, math.atan2(rise_m, run_m))
             poses = [pose := self.moved(ground, pose, x_m, angles_rad)[0] for x_m in np.linspace(0.0, run_m, PHASES).tolist()]
@@ -160,7 +160,12 @@ class RestChair:
 
 
 def rest_chair(
-    chair: ChairDescription, payload_kg: float, *, offset_m: Point = NOWHERE, seat_shift_m: float = 0.0, torque_n_m: float | None = None
+    chair: ChairDescription,
+    payload_kg: float,
+    *,
+    offset_m: Point = NOWHERE,
+    seat_shift_m: float = 0.0,
+    torque_n_m: float | None = None,
 ) -> RestChair:
     """Return a chair with its load as it rests on the ground.
 

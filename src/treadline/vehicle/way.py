@@ -112,9 +112,11 @@ def _way(
     count = max(round(abs(end_m - start.x_m) / place_m), 1) + 1
     places = np.linspace(start.x_m, end_m, count)
     # The grid holds the angle at the start.
-    steps = np.arange(math.ceil((range_rad[0] - start.angles_rad[0]) / angle_rad - 1e-9), (range_rad[1] - start.angles_rad[0]) / angle_rad + 1e-9)
+    low, high = ((bound - start.angles_rad[0]) / angle_rad for bound in range_rad)
+    steps = np.arange(math.ceil(low - 1e-9), high + 1e-9)
     angles = start.angles_rad[0] + angle_rad * steps
-    limits = np.array([share * chair.torques_n_m[0] if range_rad[0] < range_rad[1] else math.inf, friction, ERROR_M, steepest_rad(grounds[0])])
+    torque = share * chair.torques_n_m[0] if range_rad[0] < range_rad[1] else math.inf
+    limits = np.array([torque, friction, ERROR_M, steepest_rad(grounds[0])])
     rows, cost = search(
         np.stack(grounds),
         chair.parts,
@@ -135,7 +137,7 @@ def _way(
 
 
 def steepest_rad(ground: Ground) -> float:
-    """Return the slope of the steepest line from one rounded nosing to the next, or of a single one with the ground before it [rad]."""
+    """Return the slope of the steepest line from one rounded nosing to the next [rad]; π/2 where there are not two."""
     nosings = ground[ground[:, 2] > 0.0]
     if len(nosings) < 2:
         return math.pi / 2.0

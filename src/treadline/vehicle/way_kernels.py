@@ -38,15 +38,16 @@ def search(
         angles: Grid of flipper angles [rad].
         start: Index of place and angle, and pitch at the start.
         goal: Range of the flipper's angle at the last place [rad].
-        limits: Most torque [N m], most friction, error of the centre of mass along the chair [m], steepest line of the ground [rad].
+        limits: Most torque [N m], most friction, error of the centre of mass along the chair [m], steepest line of the ground
+            [rad].
         rates: Speed of belts [m/s], flipper and pitch [rad/s].
         prices: In seconds: per m/s of a fall; per second and (m/s)² of a fall that an error would cause, beyond the quiet speed;
             quiet speed [m/s]; per second and rad² of pitch above the steepest line; per second of a share of 1 on the flipper; per
             radian of pitch; per radian of the flipper.
 
     Returns:
-        Rows (place, angle, pitch, drop of the fall on the move to it [m], drop by an error there [m]), and the cost; no rows without
-        a way.
+        Rows (place, angle, pitch, drop of the fall on the move to it [m], drop by an error there [m]), and the cost; no rows
+        without a way.
     """
     count, wide = places.size, angles.size
     many = grounds.shape[0]
@@ -79,9 +80,10 @@ def search(
                 if (step == 0 and turn == 0) or (step < 0 and turn != 0) or to_i < 0 or to_i >= count or to_j < 0 or to_j >= wide:
                     continue
                 fall, stands = 0.0, True
+                before, after = angles[j : j + 1], angles[to_j : to_j + 1]
                 for p in range(many):
                     there[p], _, _, drop, ends = follow(
-                        pitch[node, p], places[i], angles[j : j + 1], places[to_i], angles[to_j : to_j + 1], parts, masses, grounds[p]
+                        pitch[node, p], places[i], before, places[to_i], after, parts, masses, grounds[p]
                     )
                     fall = max(fall, drop)
                     if ends != RESTS:
@@ -94,7 +96,9 @@ def search(
                     continue
                 if math.isnan(pitch[to, 0]):
                     pitch[to] = there
-                    rate[to], unknown[to] = _rate(there, places[to_i], angles[to_j : to_j + 1], parts, masses, grounds, torques, limits, prices)
+                    rate[to], unknown[to] = _rate(
+                        there, places[to_i], angles[to_j : to_j + 1], parts, masses, grounds, torques, limits, prices
+                    )
                 if rate[to] == np.inf:
                     continue
                 turned = abs(there[0] - pitch[node, 0])

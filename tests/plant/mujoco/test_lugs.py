@@ -13,9 +13,9 @@ from treadline.core.ports import Truth
 from treadline.core.signals import TrackCommand
 from treadline.plant.mujoco import MujocoPlant
 from treadline.plant.mujoco.contact import _rubber_lug_kernels as lug_kernels
+from treadline.run.resolve import checked as check
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import LUGS_MM, Belts, Scenario
-from treadline.run.resolve import checked as check
 
 NUMBERS = lug_kernels.LugParameters(0.015, 0.08, 0.024, 0.014, 0.02, 0.95, 0.45, 0.07, 0.05, 0.65, 0.002)
 """15/80 on the wheelchair."""

@@ -10,11 +10,11 @@ from treadline.core.signals import SeatCommand, TrackCommand
 from treadline.plant.faults import FaultyPlant
 from treadline.plant.mujoco import open_plant
 from treadline.plant.mujoco.mujoco_plant import MujocoPlant
+from treadline.run.resolve import checked as check
 from treadline.run.resolve import mission_config
 from treadline.scenario.chair import read_chair
 from treadline.scenario.faults import Fault
 from treadline.scenario.scenario import Scenario
-from treadline.run.resolve import checked as check
 
 CHAIR = read_chair("wheelchair")
 
