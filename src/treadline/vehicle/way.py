@@ -109,8 +109,7 @@ def _way(
     angle_rad: float,
 ) -> Way | None:
     """Return the cheapest way with a share of the flipper's torque, or None."""
-    count = max(round(abs(end_m - start.x_m) / place_m), 1) + 1
-    places = np.linspace(start.x_m, end_m, count)
+    places = _places(start.x_m, end_m, grounds[0], place_m)
     # The grid holds the angle at the start.
     low, high = ((bound - start.angles_rad[0]) / angle_rad for bound in range_rad)
     steps = np.arange(math.ceil(low - 1e-9), high + 1e-9)
@@ -134,6 +133,15 @@ def _way(
         return None
     poses = tuple(chair.at(grounds[0], float(x), (float(angle),), float(pitch)) for x, angle, pitch in rows[:, :3])
     return Way(poses=poses, drops_m=rows[:, 3], unknown_m=rows[:, 4], cost_s=float(cost[0]))
+
+
+def _places(start_m: float, end_m: float, ground: Ground, step_m: float) -> Float[np.ndarray, " n"]:
+    """Return the grid of places from start to end, laid from the uppermost nosing so that it does not depend on the start."""
+    sign, nosings = math.copysign(1.0, end_m - start_m), ground[ground[:, 2] > 0.0, 0]
+    anchor_m = float(nosings[-1]) if nosings.size else start_m
+    first, last = ((place - anchor_m) / (sign * step_m) for place in (start_m, end_m))
+    between = anchor_m + sign * step_m * np.arange(math.floor(first + 1e-6) + 1, math.ceil(last - 1e-6))
+    return np.array([start_m, *between, end_m])
 
 
 def steepest_rad(ground: Ground) -> float:

@@ -63,8 +63,8 @@ def search(
         if not stands:
             return np.zeros((0, 5)), np.zeros(0)
     cost[first] = 0.0
-    forward = abs(places[-1] - places[0]) / (count - 1) / rates[0]
-    queue = [(forward * (count - 1 - i), first)]
+    to_go = np.abs(places[-1] - places) / rates[0]
+    queue = [(to_go[i], first)]
     there = np.empty(many)
     while len(queue) > 0:
         _, node = heapq.heappop(queue)
@@ -108,7 +108,7 @@ def search(
                 if total < cost[to] - 1e-9:
                     cost[to], parent[to], falls[to] = total, node, fall
                     pitch[to] = there
-                    heapq.heappush(queue, (total + forward * (count - 1 - to_i), to))
+                    heapq.heappush(queue, (total + to_go[to_i], to))
     return np.zeros((0, 5)), np.zeros(0)
 
 
