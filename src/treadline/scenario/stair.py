@@ -27,8 +27,8 @@ Friction = tuple[FrictionCoefficient, FrictionCoefficient]
 class Stair(Settings):
     """The staircase: ``rise_m`` and ``run_m``, or ``slope_deg`` with ``run_m``.
 
-    The slope is another way to write the rise: it is converted as the file is read, and is not kept. Several flights are alike,
-    with a landing between any two.
+    The slope is another way to write the rise: it is converted as the file is read, and is not kept, nor is the run of a single
+    step. Several flights are alike, with a landing between any two.
     """
 
     alternatives: ClassVar[Pairs] = (("rise_m", "slope_deg"),)
@@ -36,7 +36,7 @@ class Stair(Settings):
     rise_m: Annotated[float, Field(ge=RISE_M[0], le=RISE_M[1])] = 0.16
     """Height of a step."""
     run_m: Annotated[float, Field(ge=RUN_M[0], le=RUN_M[1])] = 0.30
-    """Depth of a step, from nosing to nosing."""
+    """Depth of a step, from nosing to nosing. A stair of one step has none: its value is then the default."""
     slope_deg: Annotated[float, Field(ge=SLOPE_DEG[0], le=SLOPE_DEG[1])] | None = Field(default=None, exclude=True)
     """Slope of the flight, in place of ``rise_m``."""
     steps: Annotated[int, Field(ge=1, le=2000)] = 20
@@ -93,6 +93,14 @@ class Stair(Settings):
     """Gain of the light: 1 as usual, less is darker."""
 
     @model_validator(mode="before")
+    @classmethod
+    def _as_kept(cls, tables: object) -> object:
+        """Convert ``slope_deg`` to a rise, and leave out the run of a single step, which has no second nosing to be away from."""
+        kept = cls._rise_from_slope(tables)
+        if not isinstance(kept, dict) or kept.get("steps") != 1 or not _within(RUN_M, kept.get("run_m")):
+            return kept
+        return {key: value for key, value in kept.items() if key != "run_m"}
+
     @classmethod
     def _rise_from_slope(cls, tables: object) -> object:
         """Convert ``slope_deg`` to a rise, so that only one of the two is kept."""
