@@ -282,6 +282,23 @@ class FlightSituation:
 
     # --- motions of both directions
 
+    def over_sills(self, plan: MotionPlan) -> MotionPlan:
+        """Return the plan, slowed down where a sill of the plan is under the belts or near them, and easing the chair off it."""
+        if not self._is_at_a_sill():
+            return plan
+        speed_m_s = min(max(plan.speed_m_s, -SLOW_M_S), SLOW_M_S)
+        return replace(plan, speed_m_s=speed_m_s, pitch_feedforward_m_s=self._pitch_feedforward())
+
+    def _is_at_a_sill(self) -> bool:
+        """Return whether a known sill is between the rear pulley and the flipper's tip, or nearly so."""
+        where, sills_m = self._where, self._config.sills_m
+        front_m, rear_m = self._config.chair.reach_m + ENTER_FROM_M, -self._pivot_m - ENTER_FROM_M
+        flight = self._flights_done if self._way.sign > 0.0 else (self._config.flights or 1) - 1 - self._flights_done
+        first_m, top_m = where.first_ahead_m(), where.top_ahead_m()
+        before = () if first_m is None or flight else [(first_m - far, first_m - near) for near, far in sills_m.get(None, ())]
+        beyond = () if top_m is None else [(top_m + near, top_m + far) for near, far in sills_m.get(flight, ())]
+        return any(near < front_m and far > rear_m for near, far in (*before, *beyond))
+
     @property
     def still(self) -> MotionPlan:
         """Plan of this tick that stops the belts."""

@@ -4,7 +4,7 @@ Nothing here comes from a scenario: payload, slope, friction and heading are mea
 """
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal, Protocol, runtime_checkable
 
@@ -90,6 +90,9 @@ class MissionConfig:
     climb_speed_m_s: float = CRUISE_M_S
     flights: int | None = None
     """Number of flights to traverse. None: continue as long as another flight is seen across a landing."""
+    sills_m: Mapping[int | None, tuple[tuple[float, float], ...]] = field(default_factory=dict)
+    """Distances at which each sill of a plan begins and ends, from the first nosing on the floor (None), or from the last nosing of
+    each flight."""
     reports_ground: bool = False
     """Whether the ground ahead (``FreeGround``) is known from frames or from the plant; the guard then awaits it."""
     loop: Literal["closed", "open"] = "closed"

@@ -75,7 +75,7 @@ def checked_start(scenario: Scenario, chair: ChairDescription) -> tuple[tuple[st
     if any(known):
         return (aim, *known), None
     # The jitter of single steps is drawn when the plant is built.
-    staircase = as_designed(scenario.stair, scenario.step)
+    staircase = as_designed(scenario.stair, scenario.step, scenario.sill)
     problem = _over_an_edge(scenario, chair.tracks, staircase) or _overlapping(scenario, chair, staircase)
     mount = chair.camera if scenario.drive.direction == "up" else chair.rear_camera
     if aim or problem or mount is None or scenario.control.loop == "open":
@@ -207,7 +207,8 @@ def _on_winders(scenario: Scenario, tracks: Tracks) -> str | None:
 def _over_the_landings_end(scenario: Scenario, chair: ChairDescription) -> str | None:
     """Return the depth of landing required so that a chair starting there has its belts on it, and a wall clear of its flipper."""
     stair, tracks, depth_m = scenario.stair, chair.tracks, max(scenario.stair.landing_m, scenario.stair.run_m)
-    needed_m = from_edge_m(stair, tracks) + length_m(stair, tracks) * math.cos(scenario.start.heading_deg * DEG)
+    sills_m, _ = as_designed(stair, (), scenario.sill).ground_behind(stair.count - 1)
+    needed_m = sills_m + from_edge_m(stair, tracks) + length_m(stair, tracks) * math.cos(scenario.start.heading_deg * DEG)
     if scenario.start.place != "landing" or depth_m >= needed_m:
         return None
     return (

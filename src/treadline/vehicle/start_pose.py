@@ -42,7 +42,7 @@ def length_m(landing: Staircase | Stair, tracks: Tracks) -> float:
 
 
 def standing(staircase: Staircase, tracks: Tracks, start: Start) -> Standing:
-    """Return the start pose of a scenario, slightly above the support.
+    """Return the start pose of a scenario, slightly above the support, behind the sills of its floor or landing.
 
     On the landing, heading and lateral position are relative to the last flight.
     """
@@ -51,10 +51,12 @@ def standing(staircase: Staircase, tracks: Tracks, start: Start) -> Standing:
     along, flight = 0.5 * tracks.flat_run_m * math.cos(heading), 0
     R_WB = rotation_y(-slope) @ rotation_z(heading)
     if start.place == "floor":
-        p_WB = np.array([-along - FLOOR_START_M, start.lateral_m, CLEARANCE_M])
+        sills_m, level_m = staircase.ground_behind(None)
+        p_WB = np.array([-along - max(FLOOR_START_M, sills_m + LANDING_LEAST_M), start.lateral_m, CLEARANCE_M + level_m])
     elif start.place == "landing":
-        behind_m = along + from_edge_m(staircase, tracks)
-        p_WB = np.array([top.x_m + behind_m, start.lateral_m, top.z_m + CLEARANCE_M + behind_m * math.tan(slope)])
+        sills_m, level_m = staircase.ground_behind(top.index)
+        behind_m = along + sills_m + from_edge_m(staircase, tracks)
+        p_WB = np.array([top.x_m + behind_m, start.lateral_m, top.z_m + level_m + CLEARANCE_M + behind_m * math.tan(slope)])
         flight = staircase.flight_count - 1
     else:
         step = staircase.steps[start.step]

@@ -69,7 +69,7 @@ class GroundAhead:
         """Return the ground ahead at a pose of the chair."""
         ahead = self._way * R_WB[:2, 0] / math.hypot(*R_WB[:2, 0])
         places = p_WB[:2] + self._points @ np.array([ahead, [-ahead[1], ahead[0]]])
-        x, y, _, _, half_length, half_width, _ = self._surfaces.T
+        x, y, _, _, half_length, half_width, _, _ = self._surfaces.T
         near = self._surfaces[np.hypot(x - p_WB[0], y - p_WB[1]) < RANGE_M + np.hypot(half_length, half_width)]
         under_W = p_WB + self._under_B @ R_WB.T
         levels_m = ground_m(near, under_W)

@@ -338,7 +338,7 @@ class InstrumentedPlant(ABC):
     def __init__(self, scenario: Scenario, chair: ChairDescription, seed: int) -> None:
         stair, imu, seat, statistical, render, flipper, link, self._physics_draws = np.random.default_rng(seed).spawn(8)
         self._scenario, self._chair = scenario, chair
-        self.staircase: Staircase = build_staircase(scenario.stair, stair, scenario.step)
+        self.staircase: Staircase = build_staircase(scenario.stair, stair, scenario.step, scenario.sill)
         self._camera = self._camera_of(statistical, render)
         self._drives = Actuators(scenario, chair)
         streams = Streams(imu=imu, seat=seat, flipper=flipper, link=link)
