@@ -30,6 +30,7 @@ from treadline.mission._tip_over import TipOverFeedforward
 from treadline.mission.entry_check import certain_reject_reason, reject_reason
 from treadline.mission.mission_config import MissionConfig
 from treadline.mission.planner import PlannerInput
+from treadline.scenario.sill import LowEdge
 from treadline.vehicle.loading import Loading, plumb
 
 LEVEL_RAD = 2.0 * DEG
@@ -60,6 +61,11 @@ def beside(before_m: float) -> str:
 def on_the_tip(load_n: float) -> str:
     """Return the load on the flipper's tip in words."""
     return f"{max(load_n, 0.0):.0f} N on the flipper's tip"
+
+
+def _is_within(ahead_m: float, front_m: float, rear_m: float) -> bool:
+    """Return whether a place is between two places on the chair, or nearly so."""
+    return -rear_m - ENTER_FROM_M < ahead_m < front_m + ENTER_FROM_M
 
 
 @dataclass(frozen=True, slots=True)
@@ -282,22 +288,29 @@ class FlightSituation:
 
     # --- motions of both directions
 
-    def over_sills(self, plan: MotionPlan) -> MotionPlan:
-        """Return the plan, slowed down where a sill of the plan is under the belts or near them, and easing the chair off it."""
-        if not self._is_at_a_sill():
+    def over_low_edges(self, plan: MotionPlan) -> MotionPlan:
+        """Return the plan, slowed down where a known low edge is under the belts or near them, and easing the chair over it."""
+        front_m, tracks = self._config.chair.reach_m, self._config.chair.tracks
+        near = [(ahead_m, up_m) for ahead_m, up_m in self._low_edges() if _is_within(ahead_m, front_m, self._pivot_m)]
+        if not near:
             return plan
-        speed_m_s = min(max(plan.speed_m_s, -SLOW_M_S), SLOW_M_S)
-        return replace(plan, speed_m_s=speed_m_s, pitch_feedforward_m_s=self._pitch_feedforward())
+        plan = replace(plan, speed_m_s=min(max(plan.speed_m_s, -SLOW_M_S), SLOW_M_S))
+        if plan.phase in ("approach", "mount") and self._way.sign > 0.0:
+            plan = replace(plan, pitch_feedforward_m_s=self._pitch_feedforward())
+        under = [up_m for ahead_m, up_m in near if _is_within(ahead_m, 0.0, 0.0)]
+        if not under or plan.phase == "edge" or any(-self._pivot_m < nosing_m < front_m for nosing_m in self._where.ahead_m()):
+            return plan
+        # As the weight passes the edge with the rear on lower ground, the tip stands on that ground too: the chair does not fall.
+        below_m = max(under) * (2.0 + tracks.approach_m / self._pivot_m)
+        return replace(plan, flipper=self._flipper_planner.to(self.t_s, -math.asin(min(below_m / tracks.approach_m, 1.0))))
 
-    def _is_at_a_sill(self) -> bool:
-        """Return whether a known sill is between the rear pulley and the flipper's tip, or nearly so."""
-        where, sills_m = self._where, self._config.sills_m
-        front_m, rear_m = self._config.chair.reach_m + ENTER_FROM_M, -self._pivot_m - ENTER_FROM_M
+    def _low_edges(self) -> list[LowEdge]:
+        """Return the known low edges before and behind the flight, with distances ahead of mid-track."""
+        where, edges = self._where, self._config.low_edges
         flight = self._flights_done if self._way.sign > 0.0 else (self._config.flights or 1) - 1 - self._flights_done
         first_m, top_m = where.first_ahead_m(), where.top_ahead_m()
-        before = () if first_m is None or flight else [(first_m - far, first_m - near) for near, far in sills_m.get(None, ())]
-        beyond = () if top_m is None else [(top_m + near, top_m + far) for near, far in sills_m.get(flight, ())]
-        return any(near < front_m and far > rear_m for near, far in (*before, *beyond))
+        before = [] if first_m is None or flight else [(first_m - out_m, up_m) for out_m, up_m in edges.get(None, ())]
+        return before + ([] if top_m is None else [(top_m + out_m, up_m) for out_m, up_m in edges.get(flight, ())])
 
     @property
     def still(self) -> MotionPlan:

@@ -15,6 +15,7 @@ from treadline.mission._blocks import Detector
 from treadline.mission.belt_controllers import Driver
 from treadline.mission.loop import Estimator
 from treadline.scenario.chair import ChairDescription
+from treadline.scenario.sill import LowEdge
 
 FILE_PREFIX = "treadline_plugin_"
 """Beginning of the module name that a plug-in file gets."""
@@ -90,9 +91,8 @@ class MissionConfig:
     climb_speed_m_s: float = CRUISE_M_S
     flights: int | None = None
     """Number of flights to traverse. None: continue as long as another flight is seen across a landing."""
-    sills_m: Mapping[int | None, tuple[tuple[float, float], ...]] = field(default_factory=dict)
-    """Distances at which each sill of a plan begins and ends, from the first nosing on the floor (None), or from the last nosing of
-    each flight."""
+    low_edges: Mapping[int | None, tuple[LowEdge, ...]] = field(default_factory=dict)
+    """Known low edges of the floor before the first nosing (None), and behind the last nosing of each flight."""
     reports_ground: bool = False
     """Whether the ground ahead (``FreeGround``) is known from frames or from the plant; the guard then awaits it."""
     loop: Literal["closed", "open"] = "closed"

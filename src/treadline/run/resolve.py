@@ -28,7 +28,7 @@ from treadline.mission.plugins import checked_plugin, load_plugin
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.scenario import Scenario, read_scenario
 from treadline.scenario.shipped_files import shipped_controller
-from treadline.scenario.sill import sills_m
+from treadline.scenario.sill import low_edges
 from treadline.vehicle.verdict import CheckReport, check
 
 SEAT_SHIFT_M = 0.10
@@ -197,7 +197,7 @@ def mission_config(
         payload_kg=scenario.chair.entered.payload_kg,
         climb_speed_m_s=scenario.drive.speed_m_s,
         flights=scenario.stair.flights,
-        sills_m=sills_m(scenario.stair, scenario.sill),
+        low_edges=low_edges(scenario.stair, scenario.sill),
         reports_ground=isinstance(open_plant, str) or getattr(open_plant, "reports_ground", False) is True,
         loop=scenario.control.loop,
         vision="paper" if scenario.control.vision == "paper" else "robust",

@@ -14,6 +14,9 @@ from treadline.core.settings import Settings
 from treadline.core.step_sizes import ON_A_FLIGHT_RAD, SINGLE_RISE_M
 from treadline.scenario.stair import RISE_M, Stair
 
+LowEdge = tuple[float, float]
+"""Distance of an edge from the nosing, and its height [m]; an edge of a ramp counts as at most one of a sill."""
+
 
 class Sill(Settings):
     """A sill or ramp across floor or landing: a bar with ``depth_m``, else the edge of ground that goes on at another height."""
@@ -37,8 +40,8 @@ class Sill(Settings):
         if least_m <= abs(self.height_m) <= max(most_m, slope_m * (self.ramp_m or 0.0)):
             return self
         raise ValueError(
-            f"height_m is {self.height_m:g}; a sill is {least_m:g} to {most_m:g} m high, and a ramp at most "
-            f"{ON_A_FLIGHT_RAD / DEG:.0f}° steep: give a ramp_m of at least {abs(self.height_m) / slope_m:.2f}, or a kerb (stair.steps = 1)"
+            f"height_m is {self.height_m:g}; a sill is {least_m:g} to {most_m:g} m high up or down, a ramp at most "
+            f"{ON_A_FLIGHT_RAD / DEG:.0f}° steep: give a ramp_m of at least {abs(self.height_m) / slope_m:.2f}"
         )
 
     @property
@@ -59,13 +62,14 @@ def landing_of(stair: Stair, sill: Sill) -> int | None:
     return None if sill.step is None else sill.step % stair.count
 
 
-def sills_m(stair: Stair, sills: Sequence[Sill]) -> dict[int | None, tuple[tuple[float, float], ...]]:
-    """Return where each sill begins and ends, by the number of the flight below its landing, None for the floor [m]."""
-    found: dict[int | None, tuple[tuple[float, float], ...]] = {}
+def low_edges(stair: Stair, sills: Sequence[Sill]) -> dict[int | None, tuple[LowEdge, ...]]:
+    """Return the edges of the sills and ramps on the floor (None) and behind each flight."""
+    found: dict[int | None, tuple[LowEdge, ...]] = {}
     for sill in sills:
-        landing = landing_of(stair, sill)
+        landing, height_m = landing_of(stair, sill), min(abs(sill.height_m), SINGLE_RISE_M[0])
         flight = None if landing is None else landing // stair.steps
-        found[flight] = (*found.get(flight, ()), (sill.distance_m, sill.end_m))
+        edges = {out_m: height_m for out_m, _ in sill.vertices(0.0)}
+        found[flight] = (*found.get(flight, ()), *edges.items())
     return found
 
 

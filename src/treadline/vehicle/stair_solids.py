@@ -89,7 +89,7 @@ def _floor(staircase: Staircase, treads: Sequence[Box]) -> list[Box]:
 
 
 def _slabs(ground: Box, relief: Relief, end_m: float) -> list[Box]:
-    """Return a slab under each piece of an outline up to ``end_m``, x away from the flight; width and thickness are of ``ground``."""
+    """Return a slab under each piece of an outline up to ``end_m``, x away from the flight, as wide and thick as ``ground``."""
     _, half_width, half_m = ground.half_m
     slabs = []
     for (x_m, z_m), (next_m, next_z_m) in itertools.pairwise((*relief, (end_m, relief[-1][1]))):

@@ -186,6 +186,7 @@ class Instruments:
         self._R_GW = rotation_x(scenario.stair.side_slope_deg * DEG)
         """Rotation from W into the axes of gravity G, whose z points up."""
         self._nosings_W = staircase.nosings_W
+        self._bearing_W = np.concatenate([self._nosings_W, staircase.sill_edges_W])
         self._surfaces = stair_surfaces(staircase)
         there = [k for k, steps in enumerate(staircase.flights) for step in steps if not step.missing]
         self._nosings_x_m = np.array(
@@ -270,7 +271,7 @@ class Instruments:
             state.reach_m,
             place,
             self._reaches,
-            self._nosings_W,
+            self._bearing_W,
             self._surfaces,
             self._numbers,
             self._seated,
