@@ -30,7 +30,6 @@ from treadline.mission._tip_over import TipOverFeedforward
 from treadline.mission.entry_check import certain_reject_reason, reject_reason
 from treadline.mission.mission_config import MissionConfig
 from treadline.mission.planner import PlannerInput
-from treadline.scenario.sill import LowEdge
 from treadline.vehicle.loading import Loading, plumb
 
 LEVEL_RAD = 2.0 * DEG
@@ -298,19 +297,22 @@ class FlightSituation:
         if plan.phase in ("approach", "mount") and self._way.sign > 0.0:
             plan = replace(plan, pitch_feedforward_m_s=self._pitch_feedforward())
         under = [up_m for ahead_m, up_m in near if _is_within(ahead_m, 0.0, 0.0)]
-        if not under or plan.phase == "edge" or any(-self._pivot_m < nosing_m < front_m for nosing_m in self._where.ahead_m()):
+        if (
+            not under
+            or plan.phase in ("edge", "leave")
+            or any(-self._pivot_m < nosing_m < front_m for nosing_m in self._where.ahead_m())
+        ):
             return plan
         # As the weight passes the edge with the rear on lower ground, the tip stands on that ground too: the chair does not fall.
         below_m = max(under) * (2.0 + tracks.approach_m / self._pivot_m)
         return replace(plan, flipper=self._flipper_planner.to(self.t_s, -math.asin(min(below_m / tracks.approach_m, 1.0))))
 
-    def _low_edges(self) -> list[LowEdge]:
-        """Return the known low edges before and behind the flight, with distances ahead of mid-track."""
-        where, edges = self._where, self._config.low_edges
+    def _low_edges(self) -> list[tuple[float, float]]:
+        """Return distance ahead of mid-track and height of the known low edges before and behind the flight [m]."""
         flight = self._flights_done if self._way.sign > 0.0 else (self._config.flights or 1) - 1 - self._flights_done
-        first_m, top_m = where.first_ahead_m(), where.top_ahead_m()
-        before = [] if first_m is None or flight else [(first_m - out_m, up_m) for out_m, up_m in edges.get(None, ())]
-        return before + ([] if top_m is None else [(top_m + out_m, up_m) for out_m, up_m in edges.get(flight, ())])
+        ends = {"foot": (self._where.first_ahead_m(), -1.0), "top": (self._where.top_ahead_m(), 1.0)}
+        edges = [(*ends[edge.end], edge) for edge in self._config.low_edges if edge.flight == flight]
+        return [(end_m + sign * edge.out_m, edge.height_m) for end_m, sign, edge in edges if end_m is not None]
 
     @property
     def still(self) -> MotionPlan:

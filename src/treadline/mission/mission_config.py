@@ -4,7 +4,7 @@ Nothing here comes from a scenario: payload, slope, friction and heading are mea
 """
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal, Protocol, runtime_checkable
 
@@ -91,8 +91,8 @@ class MissionConfig:
     climb_speed_m_s: float = CRUISE_M_S
     flights: int | None = None
     """Number of flights to traverse. None: continue as long as another flight is seen across a landing."""
-    low_edges: Mapping[int | None, tuple[LowEdge, ...]] = field(default_factory=dict)
-    """Known low edges of the floor before the first nosing (None), and behind the last nosing of each flight."""
+    low_edges: tuple[LowEdge, ...] = ()
+    """Known edges of sills and ramps on floor and landings."""
     reports_ground: bool = False
     """Whether the ground ahead (``FreeGround``) is known from frames or from the plant; the guard then awaits it."""
     loop: Literal["closed", "open"] = "closed"

@@ -118,6 +118,13 @@ def stair_surfaces(staircase: Staircase) -> Float[np.ndarray, "N 8"]:
     return np.array([_top(box, np.array(box.centre_W) + box.half_m[2] * box.R_WK[:, 2]) for box in boxes])
 
 
+def bearing_edges(staircase: Staircase) -> Float[np.ndarray, "N 3"]:
+    """Return points at mid-width on which belts can stand: the nosings, and the upper edges of sills [m]."""
+    sills = [box for box in stair_boxes(staircase) if box.kind == "sill"]
+    edges = [box.centre_W + box.R_WK @ (end * box.half_m[0], 0.0, box.half_m[2]) for box in sills for end in (-1.0, 1.0)]
+    return np.array([*staircase.nosings_W, *edges])
+
+
 def _top(box: Box, centre_W: Vector3) -> tuple[float, ...]:
     (half_length, half_width, _), level = box.half_m, math.cos(box.pitch_rad)
     x, y, z = centre_W.tolist()

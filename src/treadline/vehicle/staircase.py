@@ -268,22 +268,6 @@ class Staircase:
         )
 
     @property
-    def sill_edges_W(self) -> Float[np.ndarray, "N 3"]:
-        """Vertices of the outlines of floor and landings with sills at mid-width [m]."""
-        points = [np.empty((0, 3))]
-        for place, relief in self.reliefs.items():
-            out_m, z_m = np.array(relief[1:]).T
-            if place is None:
-                points.append(np.column_stack([-out_m, np.zeros_like(out_m), z_m]))
-                continue
-            flight = next(k for k, steps in enumerate(self.flights) if self.steps[place] in steps)
-            R_WF, p_WF = self.flight_frame(flight)
-            tilted = rotation_z(self.steps[place].yaw_rad) @ rotation_y(-self.steps[place].tread_slope_rad)
-            points_F = self.steps[place].nosing_F + np.column_stack([out_m, np.zeros_like(out_m), z_m]) @ tilted.T
-            points.append(p_WF + points_F @ R_WF.T)
-        return np.concatenate(points)
-
-    @property
     def pitch_m(self) -> float:
         """Mean distance between nosings along the first flight, √(h² + w²); with winders, of the longer straight part.
 

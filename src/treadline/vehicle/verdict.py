@@ -333,8 +333,9 @@ def _too_wide_a_gap(scenario: Scenario, tracks: Tracks) -> str | None:
 
 def _undetectable_steps(scenario: Scenario, climb: Climb) -> str | None:
     """Return a refusal of steps outside the detector's range, of which it accepts no frame, or frames of half steps."""
-    stair, control = scenario.stair, scenario.control
-    if stair.steps == 1 and climb.rise_m < SINGLE_RISE_M[0] and control.loop == "closed" and control.vision == "robust":
+    stair, control, detects = scenario.stair, scenario.control, scenario.sensors.camera_model != "statistical"
+    is_low = stair.steps == 1 and climb.rise_m < SINGLE_RISE_M[0]
+    if is_low and detects and control.loop == "closed" and control.vision == "robust":
         seen = f"the detector sees single steps from {SINGLE_RISE_M[0]:g} m on"
         return f"a threshold of {climb.rise_m:.3f} m is ground: {seen}; drive over it by hand"
     (least_rise, most_rise), (least_run, most_run) = RISE_M, RUN_M
