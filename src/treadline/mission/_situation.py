@@ -30,6 +30,7 @@ from treadline.mission._tip_over import TipOverFeedforward
 from treadline.mission.entry_check import certain_reject_reason, reject_reason
 from treadline.mission.mission_config import MissionConfig
 from treadline.mission.planner import PlannerInput
+from treadline.scenario.sill import LowEdge
 from treadline.vehicle.loading import Loading, plumb
 
 LEVEL_RAD = 2.0 * DEG
@@ -114,6 +115,8 @@ class FlightSituation:
         self._imu: ImuSample | None = None
         self._tracks: TrackReading | None = None
         self._turned_rad = 0.0
+        self._edges_m: dict[LowEdge, float] = {}
+        """Belt travel at which mid-track is at each known low edge [m]."""
         self.face_flight()
 
     def face_flight(self) -> None:
@@ -294,25 +297,27 @@ class FlightSituation:
         if not near:
             return plan
         plan = replace(plan, speed_m_s=min(max(plan.speed_m_s, -SLOW_M_S), SLOW_M_S))
-        if plan.phase in ("approach", "mount") and self._way.sign > 0.0:
+        if plan.phase in ("search", "mount") or (plan.phase == "approach" and plan.speed_m_s > 0.0):
             plan = replace(plan, pitch_feedforward_m_s=self._pitch_feedforward())
-        under = [up_m for ahead_m, up_m in near if _is_within(ahead_m, 0.0, 0.0)]
-        if (
-            not under
-            or plan.phase in ("edge", "leave")
-            or any(-self._pivot_m < nosing_m < front_m for nosing_m in self._where.ahead_m())
-        ):
+        under = [up_m for ahead_m, up_m in near if _is_within(ahead_m, self._pivot_m, 0.0)]
+        is_off_the_flight = not any(-self._pivot_m < nosing_m < front_m for nosing_m in self._where.ahead_m())
+        if not under or plan.phase == "edge" or not is_off_the_flight:
             return plan
         # As the weight passes the edge with the rear on lower ground, the tip stands on that ground too: the chair does not fall.
+        self._flipper_planner.forget()
         below_m = max(under) * (2.0 + tracks.approach_m / self._pivot_m)
         return replace(plan, flipper=self._flipper_planner.to(self.t_s, -math.asin(min(below_m / tracks.approach_m, 1.0))))
 
     def _low_edges(self) -> list[tuple[float, float]]:
-        """Return distance ahead of mid-track and height of the known low edges before and behind the flight [m]."""
-        flight = self._flights_done if self._way.sign > 0.0 else (self._config.flights or 1) - 1 - self._flights_done
-        ends = {"foot": (self._where.first_ahead_m(), -1.0), "top": (self._where.top_ahead_m(), 1.0)}
-        edges = [(*ends[edge.end], edge) for edge in self._config.low_edges if edge.flight == flight]
-        return [(end_m + sign * edge.out_m, edge.height_m) for end_m, sign, edge in edges if end_m is not None]
+        """Return distance ahead of mid-track and height of the known low edges [m]; those of an earlier flight stay known."""
+        where, is_up = self._where, self._way.sign > 0.0
+        flight = self._flights_done if is_up else (self._config.flights or 1) - 1 - self._flights_done
+        ends = {"foot": (where.first_ahead_m(), -1.0), "top": (where.top_ahead_m(), 1.0)}
+        for edge in self._config.low_edges:
+            end_m, sign = ends[edge.end]
+            if edge.flight == flight and end_m is not None:
+                self._edges_m[edge] = where.travel_m + end_m + sign * edge.out_m
+        return [(at_m - where.travel_m, edge.height_m) for edge, at_m in self._edges_m.items()]
 
     @property
     def still(self) -> MotionPlan:
@@ -376,6 +381,7 @@ class FlightSituation:
 
     def face_next_flight(self) -> None:
         """Begin with the flight across the landing."""
+        self._edges_m = {edge: at_m - self._where.travel_m for edge, at_m in self._edges_m.items()}
         self.face_flight()
         self._flights_done += 1
 

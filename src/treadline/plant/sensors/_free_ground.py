@@ -88,7 +88,7 @@ class GroundAhead:
         if self._wall is not None:  # a wall rises
             p_W, ahead_W = self._wall
             bears |= ((places - p_W) @ ahead_W > 0.0).reshape(-1, LINES)
-        return self._measured(t_s, seen, bears)
+        return self._measured(t_s, seen, np.logical_and.accumulate(bears))
 
     def _measured(self, t_s: float, seen: Bool[np.ndarray, " n"], bears: Bool[np.ndarray, "n k"]) -> FreeGround:
         """Return the measurement of one frame; each takes the same number of random draws.
