@@ -294,7 +294,7 @@ class FlightSituation:
         """Return the plan, slowed down where a known low edge is under the belts or near them, and easing the chair over it."""
         front_m, tracks = self._config.chair.reach_m, self._config.chair.tracks
         near = [(ahead_m, up_m) for ahead_m, up_m in self._low_edges() if _is_within(ahead_m, front_m, self._pivot_m)]
-        if not near:
+        if not near or not plan.speed_m_s:  # a chair that stands stows its flipper
             return plan
         plan = replace(plan, speed_m_s=min(max(plan.speed_m_s, -SLOW_M_S), SLOW_M_S))
         if plan.phase in ("search", "mount") or (plan.phase == "approach" and plan.speed_m_s > 0.0):

@@ -43,27 +43,29 @@ class Sill(Settings):
 
     @model_validator(mode="after")
     def _is_low(self) -> "Sill":
-        least_m, most_m, slope_m = RISE_M[0], SINGLE_RISE_M[0], math.tan(ON_A_FLIGHT_RAD)
+        least_m, most_m = RISE_M[0], max(SINGLE_RISE_M[0], math.tan(ON_A_FLIGHT_RAD) * (self.ramp_m or 0.0))
         if self.depth_m is not None and self.height_m < 0.0:
             raise ValueError(f"height_m is {self.height_m:g}, and a bar stands up; leave depth_m out, or give a positive height_m")
-        if least_m <= abs(self.height_m) <= max(most_m, slope_m * (self.ramp_m or 0.0)):
+        if least_m <= abs(self.height_m) <= most_m:
             return self
         raise ValueError(
-            f"height_m is {self.height_m:g}; a sill is {least_m:g} to {most_m:g} m high up or down, a ramp at most "
-            f"{ON_A_FLIGHT_RAD / DEG:.0f}° steep: give a ramp_m of at least {abs(self.height_m) / slope_m:.2f}"
+            f"height_m is {self.height_m:g}; it must be from {least_m:g} to {most_m:.2f} m up or down: give another, or a longer "
+            f"ramp_m, for a ramp is at most {ON_A_FLIGHT_RAD / DEG:.0f}° steep"
         )
 
     @property
     def end_m(self) -> float:
         """Distance of its further edge."""
-        ramp_m = self.ramp_m or 0.0
-        return self.distance_m + ramp_m + (0.0 if self.depth_m is None else self.depth_m + ramp_m)
+        return self.vertices(0.0)[-1][0]
 
     def vertices(self, z_m: float) -> list[tuple[float, float]]:
         """Return its outline on ground of a height: distance and height of each vertex [m], the nearest first."""
         top_m, ramp_m = z_m + self.height_m, self.ramp_m or 0.0
-        outline = [(self.distance_m, z_m), (self.distance_m + ramp_m, top_m)]
-        return outline if self.depth_m is None else [*outline, (self.end_m - ramp_m, top_m), (self.end_m, z_m)]
+        front_m = self.distance_m + ramp_m
+        outline = [(self.distance_m, z_m), (front_m, top_m)]
+        if self.depth_m is not None:
+            outline += [(front_m + self.depth_m, top_m), (front_m + self.depth_m + ramp_m, z_m)]
+        return outline
 
 
 def landing_of(stair: Stair, sill: Sill) -> int | None:
@@ -88,38 +90,25 @@ def low_edges(stair: Stair, sills: Sequence[Sill]) -> tuple[LowEdge, ...]:
 def sill_problem(stair: Stair, sills: Sequence[Sill]) -> str | None:
     """Return why a sill cannot be built, or None."""
     for number, sill in enumerate(sills):
-        problem = _in_a_flight(stair, sill) or _between_flights(stair, sill) or _beyond_the_landing(stair, sill)
-        problem = problem or _overlapping(stair, sill, sills[:number])
+        problem = _off_the_landings(stair, sill) or _overlapping(stair, sill, sills[:number])
         if problem is not None:
             return f"sill.{number}: {problem}"
     return None
 
 
-def _in_a_flight(stair: Stair, sill: Sill) -> str | None:
-    if sill.step is None or (-stair.count <= sill.step < stair.count and stair.is_landing(sill.step % stair.count)):
-        return None
-    landings = ", ".join(str(index) for index in range(stair.count) if stair.is_landing(index))
-    return f"step is {sill.step}, and a sill is on a landing: give {landings}, or leave step out for the floor before the stair"
-
-
-def _between_flights(stair: Stair, sill: Sill) -> str | None:
-    if sill.step is None or sill.step % stair.count == stair.count - 1:
-        return None
-    if stair.turn != "none":
-        return f"step is {sill.step}, and the flights turn {stair.turn} at their landings; give -1, the uppermost, or leave it out"
-    if sill.depth_m is None:
-        return f"step is {sill.step}, a landing between two flights, which has one height; give depth_m, the depth of a bar"
-    return None
-
-
-def _beyond_the_landing(stair: Stair, sill: Sill) -> str | None:
+def _off_the_landings(stair: Stair, sill: Sill) -> str | None:
     if sill.step is None:
         return None
-    is_last = sill.step % stair.count == stair.count - 1
+    index = landing_of(stair, sill)
+    if index is None or not -stair.count <= sill.step < stair.count or not stair.is_landing(index):
+        landings = ", ".join(str(last) for last in range(stair.steps - 1, stair.count, stair.steps))
+        return f"step is {sill.step}, and sills are on landings: give {landings}, or leave step out for the floor before the stair"
+    is_last = index == stair.count - 1
+    if sill.depth_m is None and not is_last:
+        return f"step is {sill.step}, a landing between two flights, which has one height; give depth_m, the depth of a bar"
     name, depth_m = ("landing_m", max(stair.landing_m, stair.run_m)) if is_last else ("between_m", stair.between_m)
-    if sill.end_m < depth_m:
-        return None
-    return f"it ends {sill.end_m:.2f} m behind the nosing, on a landing of {depth_m:.2f} m; give a larger stair.{name}"
+    too_far = f"it ends {sill.end_m:.2f} m behind the nosing, on a landing of {depth_m:.2f} m; give a larger stair.{name}"
+    return too_far if sill.end_m >= depth_m else None
 
 
 def _overlapping(stair: Stair, sill: Sill, others: Sequence[Sill]) -> str | None:

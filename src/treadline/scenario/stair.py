@@ -95,27 +95,23 @@ class Stair(Settings):
     @model_validator(mode="before")
     @classmethod
     def _as_kept(cls, tables: object) -> object:
-        """Convert ``slope_deg`` to a rise, and leave out the run of a single step, which has no second nosing to be away from."""
-        kept = cls._rise_from_slope(tables)
-        if not isinstance(kept, dict) or kept.get("steps") != 1 or not _within(RUN_M, kept.get("run_m")):
-            return kept
-        return {key: value for key, value in kept.items() if key != "run_m"}
-
-    @classmethod
-    def _rise_from_slope(cls, tables: object) -> object:
-        """Convert ``slope_deg`` to a rise, so that only one of the two is kept."""
-        if not isinstance(tables, dict) or tables.get("slope_deg") is None or "rise_m" in tables:
-            return tables  # both together are refused as alternatives
-        slope, run = tables["slope_deg"], tables.get("run_m", cls.model_fields["run_m"].default)
-        if not (_within(SLOPE_DEG, slope) and _within(RUN_M, run)):
-            return tables  # the fields' own checks say what is wrong with them
+        """Convert ``slope_deg`` to a rise, so that only one of the two is kept, and leave out the run of a single step."""
+        if not isinstance(tables, dict):
+            return tables
+        slope, run = tables.get("slope_deg"), tables.get("run_m", cls.model_fields["run_m"].default)
+        if not _within(RUN_M, run):
+            return tables  # the field's own check says what is wrong with it
+        kept = {key: value for key, value in tables.items() if key != "run_m" or tables.get("steps") != 1}
+        if not _within(SLOPE_DEG, slope) or "rise_m" in tables:
+            return kept  # both together are refused as alternatives
         rise = run * math.tan(math.radians(slope))
         if not _within(RISE_M, rise):
             raise ValueError(
                 f"slope_deg = {slope:g} with run_m = {run:g} is a rise of {rise:.3f} m; it must be from "
                 f"{RISE_M[0]:g} to {RISE_M[1]:g} m"
             )
-        return {key: value for key, value in tables.items() if key != "slope_deg"} | {"rise_m": rise}
+        del kept["slope_deg"]
+        return kept | {"rise_m": rise}
 
     @model_validator(mode="after")
     def _steps_exist(self) -> "Stair":
