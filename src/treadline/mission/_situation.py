@@ -299,13 +299,15 @@ class FlightSituation:
         plan = replace(plan, speed_m_s=min(max(plan.speed_m_s, -SLOW_M_S), SLOW_M_S))
         if plan.phase in ("search", "mount") or (plan.phase == "approach" and plan.speed_m_s > 0.0):
             plan = replace(plan, pitch_feedforward_m_s=self._pitch_feedforward())
-        under = [up_m for ahead_m, up_m in near if _is_within(ahead_m, self._pivot_m, 0.0)]
-        is_off_the_flight = not any(-self._pivot_m < nosing_m < front_m for nosing_m in self._where.ahead_m())
-        if not under or plan.phase == "edge" or not is_off_the_flight:
+        under = [(ahead_m, up_m) for ahead_m, up_m in near if _is_within(ahead_m, self._pivot_m, 0.0)]
+        # The chair must be off the flight now, and as its weight passes the edge.
+        moves_m = (0.0, *(max(ahead_m, 0.0) for ahead_m, _ in under))
+        places_m = [nosing_m - moved_m for nosing_m in self._where.ahead_m() for moved_m in moves_m]
+        if not under or plan.phase == "edge" or any(-self._pivot_m < place_m < front_m for place_m in places_m):
             return plan
         # As the weight passes the edge with the rear on lower ground, the tip stands on that ground too: the chair does not fall.
         self._flipper_planner.forget()
-        below_m = max(under) * (2.0 + tracks.approach_m / self._pivot_m)
+        below_m = max(up_m for _, up_m in under) * (2.0 + tracks.approach_m / self._pivot_m)
         return replace(plan, flipper=self._flipper_planner.to(self.t_s, -math.asin(min(below_m / tracks.approach_m, 1.0))))
 
     def _low_edges(self) -> list[tuple[float, float]]:
