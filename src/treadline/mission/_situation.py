@@ -28,9 +28,8 @@ from treadline.mission._flipper_planner import FlipperPlanner, turning_share
 from treadline.mission._skid_monitor import SkidMonitor
 from treadline.mission._tip_over import TipOverFeedforward
 from treadline.mission.entry_check import certain_reject_reason, reject_reason
-from treadline.mission.mission_config import MissionConfig
+from treadline.mission.mission_config import LowEdge, MissionConfig
 from treadline.mission.planner import PlannerInput
-from treadline.scenario.sill import LowEdge
 from treadline.vehicle.loading import Loading, plumb
 
 LEVEL_RAD = 2.0 * DEG

@@ -6,7 +6,7 @@ Nothing here comes from a scenario: payload, slope, friction and heading are mea
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Literal, Protocol, runtime_checkable
+from typing import Literal, NamedTuple, Protocol, runtime_checkable
 
 from treadline.control.belt_allocation import CRUISE_M_S
 from treadline.core import paper
@@ -15,7 +15,6 @@ from treadline.mission._blocks import Detector
 from treadline.mission.belt_controllers import Driver
 from treadline.mission.loop import Estimator
 from treadline.scenario.chair import ChairDescription
-from treadline.scenario.sill import LowEdge
 
 FILE_PREFIX = "treadline_plugin_"
 """Beginning of the module name that a plug-in file gets."""
@@ -74,6 +73,18 @@ class Plugins:
         """Return ``module:Class`` of each plug-in by its kind, for the manifest of a run."""
         given = {"controller": self.controller, "detector": self.detector, "estimator": self.estimator}
         return {kind: source_of_plugin(plugin) for kind, plugin in given.items() if plugin is not None}
+
+
+class LowEdge(NamedTuple):
+    """Edge of a sill or ramp next to a flight."""
+
+    flight: int
+    end: Literal["foot", "top"]
+    """End of the flight from whose nosing the distance counts."""
+    out_m: float
+    """Distance away from the flight."""
+    height_m: float
+    """Height up or down; that of a ramp counts as at most the highest sill's."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,7 +5,7 @@ Rules that join several tables: ``Stair, Sills -> the first problem, in one line
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated
 
 from pydantic import Field, model_validator
 
@@ -13,18 +13,6 @@ from treadline.core.angles import DEG
 from treadline.core.settings import Settings
 from treadline.core.step_sizes import ON_A_FLIGHT_RAD, SINGLE_RISE_M
 from treadline.scenario.stair import RISE_M, Stair
-
-
-class LowEdge(NamedTuple):
-    """Edge of a sill or ramp next to a flight."""
-
-    flight: int
-    end: Literal["foot", "top"]
-    """End of the flight from whose nosing the distance counts."""
-    out_m: float
-    """Distance away from the flight."""
-    height_m: float
-    """Height up or down; that of a ramp counts as at most the highest sill's."""
 
 
 class Sill(Settings):
@@ -71,20 +59,6 @@ class Sill(Settings):
 def landing_of(stair: Stair, sill: Sill) -> int | None:
     """Return the index of a sill's landing, counted from the floor; None for the floor."""
     return None if sill.step is None else sill.step % stair.count
-
-
-def low_edges(stair: Stair, sills: Sequence[Sill]) -> tuple[LowEdge, ...]:
-    """Return the edges of sills and ramps, those between two flights for both."""
-    found: list[LowEdge] = []
-    for sill in sills:
-        landing, height_m = landing_of(stair, sill), min(abs(sill.height_m), SINGLE_RISE_M[0])
-        flight = -1 if landing is None else landing // stair.steps
-        for out_m in sorted({out_m for out_m, _ in sill.vertices(0.0)}):
-            if landing is not None:
-                found.append(LowEdge(flight, "top", out_m, height_m))
-            if flight + 1 < stair.flights:
-                found.append(LowEdge(flight + 1, "foot", out_m if landing is None else stair.between_m - out_m, height_m))
-    return tuple(found)
 
 
 def sill_problem(stair: Stair, sills: Sequence[Sill]) -> str | None:

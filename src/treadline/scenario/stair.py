@@ -102,7 +102,7 @@ class Stair(Settings):
         if not _within(RUN_M, run):
             return tables  # the field's own check says what is wrong with it
         kept = {key: value for key, value in tables.items() if key != "run_m" or tables.get("steps") != 1}
-        if not _within(SLOPE_DEG, slope) or "rise_m" in tables:
+        if "rise_m" in tables or not _within(SLOPE_DEG, slope):
             return kept  # both together are refused as alternatives
         rise = run * math.tan(math.radians(slope))
         if not _within(RISE_M, rise):
