@@ -98,10 +98,11 @@ class Stair(Settings):
         """Convert ``slope_deg`` to a rise, so that only one of the two is kept, and leave out the run of a single step."""
         if not isinstance(tables, dict):
             return tables
-        slope, run = tables.get("slope_deg"), tables.get("run_m", cls.model_fields["run_m"].default)
+        run = tables.get("run_m", cls.model_fields["run_m"].default)
         if not _within(RUN_M, run):
             return tables  # the field's own check says what is wrong with it
         kept = {key: value for key, value in tables.items() if key != "run_m" or tables.get("steps") != 1}
+        slope = kept.get("slope_deg", math.nan)
         if "rise_m" in tables or not _within(SLOPE_DEG, slope):
             return kept  # both together are refused as alternatives
         rise = run * math.tan(math.radians(slope))
