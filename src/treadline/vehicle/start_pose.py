@@ -17,7 +17,7 @@ FLOOR_START_M, LANDING_START_M, LANDING_SPARE_M = 1.0, 0.6, 0.1
 """Initial distance of the nearer pulley from the first nosing (floor) and from the edge (landing), and free length of a short
 landing behind the chair [m]."""
 LANDING_LEAST_M = 0.2
-"""Least initial distance of the pulley from the edge of a short landing [m]."""
+"""Least initial distance of the pulley from the edge of a short landing, and from a sill [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -55,7 +55,7 @@ def standing(staircase: Staircase, tracks: Tracks, start: Start) -> Standing:
         p_WB = np.array([-along - max(FLOOR_START_M, sills_m + LANDING_LEAST_M), start.lateral_m, CLEARANCE_M + level_m])
     elif start.place == "landing":
         sills_m, level_m = staircase.ground_behind(top.index)
-        behind_m = along + sills_m + from_edge_m(staircase, tracks)
+        behind_m = along + max(from_edge_m(staircase, tracks), sills_m + LANDING_LEAST_M)
         p_WB = np.array([top.x_m + behind_m, start.lateral_m, top.z_m + level_m + CLEARANCE_M + behind_m * math.tan(slope)])
         flight = staircase.flight_count - 1
     else:
