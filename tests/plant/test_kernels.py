@@ -43,7 +43,7 @@ def test_a_chair_stands_on_what_it_touched_and_on_nosings_that_it_rocks_onto() -
 @pytest.mark.parametrize("pitch_deg", [0.0, 28.0])
 def test_a_tip_within_ten_millimetres_of_a_tread_is_support_below_its_axis(gap_m: float, counts: bool, pitch_deg: float) -> None:
     # A tread of 0.3 m whose top is at 1.0 m, and a higher one above the tip that carries nothing.
-    surfaces = np.array([[0.0, 0.0, 1.0, 0.0, 0.15, 0.6, 1.0], [0.0, 0.0, 1.0, 0.0, 0.15, 0.6, 1.5]])
+    surfaces = np.array([[0.0, 0.0, 1.0, 0.0, 0.15, 0.6, 1.0, 0.0], [0.0, 0.0, 1.0, 0.0, 0.15, 0.6, 1.5, 0.0]])
     R = rotation_y(-pitch_deg * math.pi / 180.0)
     tip_B, radius = np.array([0.9, 0.325, 0.2]), 0.07
     axis_W = np.array([0.05, 0.325, 1.0 + radius + gap_m])
@@ -54,7 +54,7 @@ def test_a_tip_within_ten_millimetres_of_a_tread_is_support_below_its_axis(gap_m
 
 def test_a_tip_beyond_the_end_of_a_turned_tread_is_no_support() -> None:
     c, s = math.cos(0.5), math.sin(0.5)
-    surfaces = np.array([[0.0, 0.0, c, s, 0.15, 0.6, 1.0]])
+    surfaces = np.array([[0.0, 0.0, c, s, 0.15, 0.6, 1.0, 0.0]])
     for out_m, counts in ((0.149, True), (0.151, False)):
         p_WB = np.array([out_m * c - 0.9, out_m * s, 1.0])
         assert (kernels.tip_support(surfaces, 0.9, 0.07, 0.0, 0.07, p_WB, np.eye(3), 0.01) > 0.0) == counts

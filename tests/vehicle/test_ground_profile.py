@@ -13,6 +13,14 @@ SCENES = {
     "a kerb": {"stair": {"steps": 1, "rise_m": 0.12}},
     "a stair with a landing": {"stair": {"steps": 3, "flights": 2}},
     "a missing step": {"stair": {"steps": 5, "missing_steps": [2]}},
+    "sills on floor and landing": {
+        "stair": {"steps": 3, "landing_m": 3.0},
+        "sill": [
+            {"distance_m": 0.3, "height_m": 0.03, "depth_m": 0.1, "ramp_m": 0.05},
+            {"distance_m": 0.8, "height_m": -0.1, "ramp_m": 0.9},
+            {"distance_m": 0.4, "height_m": 0.02, "step": -1},
+        ],
+    },
     "uneven steps": {"stair": {"steps": 4}, "step": [{"index": 1, "rise_m": 0.2, "run_m": 0.5}]},
 }
 
@@ -20,15 +28,15 @@ SCENES = {
 @pytest.mark.parametrize("name", SCENES)
 def test_polyline_is_as_high_as_the_solids(name: str) -> None:
     scenario = Scenario.model_validate(SCENES[name])
-    staircase = as_designed(scenario.stair, scenario.step)
+    staircase = as_designed(scenario.stair, scenario.step, scenario.sill)
     ground = ground_profile(staircase)
     # No place is within 1 mm of a riser. The hole of a missing step has no solid close below the tread before it.
     x_m = np.arange(-1.003, staircase.steps[-1].x_m + 1.0, 0.01)
-    z_m = np.interp(x_m, ground.x_m + 1e-6 * np.arange(len(ground.x_m)), ground.z_m)
+    z_m = np.interp(x_m, ground.x_m + 1e-9 * np.arange(len(ground.x_m)), ground.z_m)
     points = np.column_stack([x_m, np.zeros_like(x_m), np.full_like(x_m, 9.0)])
     tops_m = ground_m(stair_surfaces(staircase), points)
     there = tops_m > z_m - 0.2
-    np.testing.assert_allclose(z_m[there], tops_m[there], atol=1e-9)
+    np.testing.assert_allclose(z_m[there], tops_m[there], atol=1e-8)
     assert there.mean() > 0.9
 
 

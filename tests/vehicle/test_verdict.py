@@ -316,6 +316,7 @@ def test_a_kerb_too_high_is_refused_with_the_height_that_would_do(rise_m: float,
 def test_the_height_of_a_kerb_may_stand_in_a_step() -> None:
     low = judge(stair={"steps": 1, "landing_m": 3.0}, step=[{"index": 0, "rise_m": 0.015}])
     assert low.friction_needed == pytest.approx(0.015 / 0.475, rel=1e-3)
+    assert judge(stair={"steps": 1, "rise_m": 0.015, "landing_m": 3.0}, sensors={"model": "statistical"}).verdict == "go"
     assert_refused_only_for(low, "a threshold of 0.015 m is ground: the detector sees single steps from 0.04 m on", "by hand")
 
 

@@ -50,7 +50,9 @@ def way_over(tables: dict[str, Any], *, down: bool, begin_m: float = 0.6, payloa
 
 @pytest.mark.parametrize("down", [False, True])
 @pytest.mark.parametrize("name", GROUNDS)
-def test_over_every_ground_a_way_without_a_fall_is_found_that_five_centimetres_of_weight_do_not_upset(name: str, down: bool) -> None:
+def test_over_every_ground_a_way_without_a_fall_is_found_that_five_centimetres_of_weight_do_not_upset(
+    name: str, down: bool
+) -> None:
     way = way_over(GROUNDS[name], down=down)
     assert way.fall_m_s < 0.02  # the quiet speed: a tenth of a millimetre
     assert math.sqrt(2.0 * 9.81 * way.unknown_m.max()) < 0.1  # half a millimetre

@@ -52,7 +52,7 @@ def ends_W(staircase: Staircase) -> np.ndarray:
 def heights_at(staircase: Staircase, places: np.ndarray) -> np.ndarray:
     """Return the height of the highest tread, landing or floor at each place."""
     heights = np.full(len(places), -math.inf)
-    for cx, cy, c, s, half_length, half_width, height in stair_surfaces(staircase):
+    for cx, cy, c, s, half_length, half_width, height, _ in stair_surfaces(staircase):
         dx, dy = places[:, 0] - cx, places[:, 1] - cy
         inside = (np.abs(c * dx + s * dy) <= half_length + 1e-9) & (np.abs(c * dy - s * dx) <= half_width + 1e-9)
         heights = np.where(inside, np.maximum(heights, height), heights)

@@ -121,7 +121,7 @@ def model(
     settings = read_scenario(scenario)
     chair, loading = settings.read_chair(), settings.chair
     # The stair of a run with this seed: the plant draws it from the first of its streams.
-    staircase = build_staircase(settings.stair, np.random.default_rng(seed).spawn(1)[0], settings.step)
+    staircase = build_staircase(settings.stair, np.random.default_rng(seed).spawn(1)[0], settings.step, settings.sill)
     start = standing(staircase, chair.tracks, settings.start)
     meshes = out.with_name(f"{out.stem}_meshes")
     if to == "urdf":

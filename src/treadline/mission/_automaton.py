@@ -54,7 +54,7 @@ class Automaton(Generic[S_contra]):
                 situation.try_again()
                 cause, to = f"no progress in {state.limit_s:g} s in the state '{state.name}'", "hold"
             if cause is None or to is None:
-                return state.behaviour(situation)
+                return situation.over_low_edges(state.behaviour(situation))
             if to == "hold":
                 return replace(situation.still, hold=cause, needs_stair=False)
             begun = self._states[to]

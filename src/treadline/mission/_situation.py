@@ -28,7 +28,7 @@ from treadline.mission._flipper_planner import FlipperPlanner, turning_share
 from treadline.mission._skid_monitor import SkidMonitor
 from treadline.mission._tip_over import TipOverFeedforward
 from treadline.mission.entry_check import certain_reject_reason, reject_reason
-from treadline.mission.mission_config import MissionConfig
+from treadline.mission.mission_config import LowEdge, MissionConfig
 from treadline.mission.planner import PlannerInput
 from treadline.vehicle.loading import Loading, plumb
 from treadline.vehicle.traction import dead_zone_rad
@@ -61,6 +61,11 @@ def beside(before_m: float) -> str:
 def on_the_tip(load_n: float) -> str:
     """Return the load on the flipper's tip in words."""
     return f"{max(load_n, 0.0):.0f} N on the flipper's tip"
+
+
+def _is_within(ahead_m: float, front_m: float, rear_m: float) -> bool:
+    """Return whether a place is between two places on the chair, or nearly so."""
+    return -rear_m - ENTER_FROM_M < ahead_m < front_m + ENTER_FROM_M
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,6 +116,8 @@ class FlightSituation:
         self._imu: ImuSample | None = None
         self._tracks: TrackReading | None = None
         self._turned_rad = 0.0
+        self._edges_m: dict[LowEdge, float] = {}
+        """Belt travel at which mid-track is at each known low edge [m]."""
         self.face_flight()
 
     def face_flight(self) -> None:
@@ -286,6 +293,37 @@ class FlightSituation:
 
     # --- motions of both directions
 
+    def over_low_edges(self, plan: MotionPlan) -> MotionPlan:
+        """Return the plan, slowed down where a known low edge is under the belts or near them, and easing the chair over it."""
+        front_m, tracks = self._config.chair.reach_m, self._config.chair.tracks
+        near = [(ahead_m, up_m) for ahead_m, up_m in self._low_edges() if _is_within(ahead_m, front_m, self._pivot_m)]
+        if not near or not plan.speed_m_s:  # a chair that stands stows its flipper
+            return plan
+        plan = replace(plan, speed_m_s=min(max(plan.speed_m_s, -SLOW_M_S), SLOW_M_S))
+        if plan.phase in ("search", "mount") or (plan.phase == "approach" and plan.speed_m_s > 0.0):
+            plan = replace(plan, pitch_feedforward_m_s=self._pitch_feedforward())
+        under = [(ahead_m, up_m) for ahead_m, up_m in near if _is_within(ahead_m, self._pivot_m, 0.0)]
+        # The chair must be off the flight now, and as its weight passes the edge.
+        moves_m = (0.0, *(max(ahead_m, 0.0) for ahead_m, _ in under))
+        places_m = [nosing_m - moved_m for nosing_m in self._where.ahead_m() for moved_m in moves_m]
+        if not under or plan.phase == "edge" or any(-self._pivot_m < place_m < front_m for place_m in places_m):
+            return plan
+        # As the weight passes the edge with the rear on lower ground, the tip stands on that ground too: the chair does not fall.
+        self._flipper_planner.forget()
+        below_m = max(up_m for _, up_m in under) * (2.0 + tracks.approach_m / self._pivot_m)
+        return replace(plan, flipper=self._flipper_planner.to(self.t_s, -math.asin(min(below_m / tracks.approach_m, 1.0))))
+
+    def _low_edges(self) -> list[tuple[float, float]]:
+        """Return distance ahead of mid-track and height of the known low edges [m]; those of an earlier flight stay known."""
+        where, is_up = self._where, self._way.sign > 0.0
+        flight = self._flights_done if is_up else (self._config.flights or 1) - 1 - self._flights_done
+        ends = {"foot": (where.first_ahead_m(), -1.0), "top": (where.top_ahead_m(), 1.0)}
+        for edge in self._config.low_edges:
+            end_m, sign = ends[edge.end]
+            if edge.flight == flight and end_m is not None:
+                self._edges_m[edge] = where.travel_m + end_m + sign * edge.out_m
+        return [(at_m - where.travel_m, edge.height_m) for edge, at_m in self._edges_m.items()]
+
     @property
     def still(self) -> MotionPlan:
         """Plan of this tick that stops the belts."""
@@ -348,6 +386,7 @@ class FlightSituation:
 
     def face_next_flight(self) -> None:
         """Begin with the flight across the landing."""
+        self._edges_m = {edge: at_m - self._where.travel_m for edge, at_m in self._edges_m.items()}
         self.face_flight()
         self._flights_done += 1
 

@@ -246,8 +246,12 @@ class Descent(FlightSituation):
         return f"on the floor, pitch {self._where.pitch_rad / DEG:.1f}°, clear of the first nosing" if self._is_clear() else None
 
     def _is_clear(self) -> bool:
-        length_m = 2.0 * self._pivot_m + self._config.chair.tracks.approach_m
-        return abs(self._where.pitch_rad) < LEVEL_RAD and self._before_m < -length_m
+        return abs(self._where.pitch_rad) < LEVEL_RAD and self._is_off
+
+    @property
+    def _is_off(self) -> bool:
+        """Whether the flipper's tip has left the last nosing."""
+        return self._before_m < -2.0 * self._pivot_m - self._config.chair.tracks.approach_m
 
     @property
     def _before_m(self) -> float:
@@ -299,7 +303,7 @@ class Descent(FlightSituation):
 
         It must have been lifted where the front pulley may have come to the last nosing but one, by the error of its place.
         """
-        if self._flipper is None or self._last_step_m >= PLACE_M:
+        if self._flipper is None or self._last_step_m >= PLACE_M or self._is_off:
             return 0.0
         return max(self._stepping_rad - THERE_RAD - self._flipper.angle_rad, 0.0)
 

@@ -6,7 +6,7 @@ Nothing here comes from a scenario: payload, slope, friction and heading are mea
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Literal, Protocol, runtime_checkable
+from typing import Literal, NamedTuple, Protocol, runtime_checkable
 
 from treadline.control.belt_allocation import CRUISE_M_S
 from treadline.core import paper
@@ -75,6 +75,18 @@ class Plugins:
         return {kind: source_of_plugin(plugin) for kind, plugin in given.items() if plugin is not None}
 
 
+class LowEdge(NamedTuple):
+    """Edge of a sill or ramp next to a flight."""
+
+    flight: int
+    end: Literal["foot", "top"]
+    """End of the flight from whose nosing the distance counts."""
+    out_m: float
+    """Distance away from the flight."""
+    height_m: float
+    """Height up or down; that of a ramp counts as at most the highest sill's."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissionConfig:
     """Configuration of one mission."""
@@ -92,6 +104,8 @@ class MissionConfig:
     """Whether a measured stair beyond the chair's limits is refused before entry; a maker who tries a chair turns it off."""
     flights: int | None = None
     """Number of flights to traverse. None: continue as long as another flight is seen across a landing."""
+    low_edges: tuple[LowEdge, ...] = ()
+    """Known edges of sills and ramps on floor and landings."""
     reports_ground: bool = False
     """Whether the ground ahead (``FreeGround``) is known from frames or from the plant; the guard then awaits it."""
     loop: Literal["closed", "open"] = "closed"

@@ -228,4 +228,4 @@ SAMPLED = tuple(item.name for item in fields(Recording) if "ndarray" in str(item
 
 def staircase_of(scenario: Scenario, seed: int) -> Staircase:
     """Return the staircase of a run with its jitter, which the plants draw from the first stream of the run's seed."""
-    return build_staircase(scenario.stair, np.random.default_rng(seed).spawn(1)[0], scenario.step)
+    return build_staircase(scenario.stair, np.random.default_rng(seed).spawn(1)[0], scenario.step, scenario.sill)

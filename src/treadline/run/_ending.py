@@ -31,7 +31,7 @@ class Ending:
     def __init__(self, scenario: Scenario, chair: ChairDescription, *, attended: bool = False) -> None:
         self._slope_rad = climb_of(scenario, chair).slope_rad
         self._duration_s = scenario.drive.duration_s
-        staircase = as_designed(scenario.stair, scenario.step)
+        staircase = as_designed(scenario.stair, scenario.step, scenario.sill)
         self._last_x_m = staircase.last_nosing_m
         # Where only a flight is driven, it is the first, and it ends with the front pulley at its last nosing.
         self._end_x_m = staircase.alone(0).last_nosing_m - 0.5 * chair.tracks.flat_run_m

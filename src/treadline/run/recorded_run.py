@@ -78,7 +78,7 @@ def write_run(
     scenario, seed = setup.scenario, setup.seed
     manifest = begin_run(folder, scenario.model_dump(mode="json"), seed, controller, **more)
     # The stair of a run with this seed: the plant draws it from the first of its streams.
-    staircase = build_staircase(scenario.stair, np.random.default_rng(seed).spawn(1)[0], scenario.step)
+    staircase = build_staircase(scenario.stair, np.random.default_rng(seed).spawn(1)[0], scenario.step, scenario.sill)
     metadata = log_metadata(manifest, manifest["settings"], folder)
     with (
         RunLog(folder / LOG, image_every=image_every, metadata=metadata) as log,

@@ -3,7 +3,7 @@
 ``resolve(scenario, controller, seed) -> Setup``. Command line, experiments, nodes, campaigns and the Python interface start here.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -12,6 +12,7 @@ from typing import Any, Literal
 from treadline.core.errors import SettingsError
 from treadline.core.models import ControllerDesign, LinearModel
 from treadline.core.ports import Plant
+from treadline.core.step_sizes import SINGLE_RISE_M
 from treadline.mission.belt_controllers import Driver
 from treadline.mission.loop import Blocks
 from treadline.mission.mission_blocks import build_blocks
@@ -19,6 +20,7 @@ from treadline.mission.mission_config import (
     ControllerPlugin,
     DetectorPlugin,
     EstimatorPlugin,
+    LowEdge,
     MissionConfig,
     Plugins,
     is_full_traversal,
@@ -29,6 +31,8 @@ from treadline.run.verdict import CheckReport, check
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.scenario import Scenario, read_scenario
 from treadline.scenario.shipped_files import shipped_controller
+from treadline.scenario.sill import Sill, landing_of
+from treadline.scenario.stair import Stair
 
 SEAT_SHIFT_M = 0.10
 """Largest shift of the seat along the chair [m] that is applied before a traversal to reach the margin that ``check`` requires."""
@@ -197,12 +201,27 @@ def mission_config(
         climb_speed_m_s=scenario.drive.speed_m_s,
         check=scenario.drive.check,
         flights=scenario.stair.flights,
+        low_edges=_low_edges(scenario.stair, scenario.sill),
         reports_ground=isinstance(open_plant, str) or getattr(open_plant, "reports_ground", False) is True,
         loop=scenario.control.loop,
         vision="paper" if scenario.control.vision == "paper" else "robust",
         allocation=scenario.control.allocation,
         reconstruct=scenario.control.reconstruct,
     )
+
+
+def _low_edges(stair: Stair, sills: Sequence[Sill]) -> tuple[LowEdge, ...]:
+    """Return the edges of sills and ramps, those between two flights for both."""
+    found: list[LowEdge] = []
+    for sill in sills:
+        landing, height_m = landing_of(stair, sill), min(abs(sill.height_m), SINGLE_RISE_M[0])
+        flight = -1 if landing is None else landing // stair.steps
+        for out_m in sorted({out_m for out_m, _ in sill.vertices(0.0)}):
+            if landing is not None:
+                found.append(LowEdge(flight, "top", out_m, height_m))
+            if flight + 1 < stair.flights:
+                found.append(LowEdge(flight + 1, "foot", out_m if landing is None else stair.between_m - out_m, height_m))
+    return tuple(found)
 
 
 def checked(scenario: Scenario, chair: ChairDescription | None = None) -> CheckReport:

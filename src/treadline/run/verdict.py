@@ -282,7 +282,7 @@ def _no_seat_to_shift(loading: Chair, chair: ChairDescription) -> str | None:
 
 def _turned_nosings(scenario: Scenario) -> str | None:
     """Return which nosing is turned so far against its neighbour that one belt leaves it before the other."""
-    for steps in as_designed(scenario.stair, scenario.step).straight_parts:
+    for steps in as_designed(scenario.stair, scenario.step, scenario.sill).straight_parts:
         for low, high in itertools.pairwise(steps):
             turned_rad = abs(high.yaw_rad - low.yaw_rad)
             if turned_rad > TURNED_RAD:
@@ -313,8 +313,9 @@ def _too_steep_for_the_seat(reach_rad: float, climb: Climb) -> str | None:
 
 def _undetectable_steps(scenario: Scenario, climb: Climb) -> str | None:
     """Return a refusal of steps outside the detector's range, of which it accepts no frame, or frames of half steps."""
-    stair, control = scenario.stair, scenario.control
-    if stair.steps == 1 and climb.rise_m < SINGLE_RISE_M[0] and control.loop == "closed" and control.vision == "robust":
+    stair, control, detects = scenario.stair, scenario.control, scenario.sensors.camera_model != "statistical"
+    is_low = stair.steps == 1 and climb.rise_m < SINGLE_RISE_M[0]
+    if is_low and detects and control.loop == "closed" and control.vision == "robust":
         seen = f"the detector sees single steps from {SINGLE_RISE_M[0]:g} m on"
         return f"a threshold of {climb.rise_m:.3f} m is ground: {seen}; drive over it by hand"
     (least_rise, most_rise), (least_run, most_run) = RISE_M, RUN_M

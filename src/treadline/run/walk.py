@@ -121,7 +121,7 @@ class _Walker:
         self._scenario, self._flipper = scenario, chair.flipper
         load = scenario.chair
         self._chair = rest_chair(chair, load.payload_kg, offset_m=load.payload_offset_m, seat_shift_m=load.seat_shift_m)
-        staircase = as_designed(scenario.stair, scenario.step)
+        staircase = as_designed(scenario.stair, scenario.step, scenario.sill)
         self._ground = ground_profile(staircase).vertices
         self._end_x_m = staircase.flights[0][-1].x_m - 0.5 * chair.tracks.flat_run_m * math.cos(staircase.slope_rad)
         self._planner: Planner = planner_of(mission)

@@ -15,6 +15,7 @@ from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.faults import Fault
 from treadline.scenario.operator_actions import OperatorAct, act_problem
 from treadline.scenario.shipped_files import CAMERAS, CHAIRS, DATA, camera_path, chair_file
+from treadline.scenario.sill import Sill, sill_problem
 from treadline.scenario.stair import Stair, StepOverride, step_problem
 
 __all__ = [
@@ -261,6 +262,7 @@ class Scenario(Printable, Settings):
     control: Control = Control()
     sensors: Sensors = Sensors()
     step: tuple[StepOverride, ...] = ()
+    sill: tuple[Sill, ...] = ()
     operator: tuple[OperatorAct, ...] = ()
     realism: Realism = Realism()
     fault: tuple[Fault, ...] = ()
@@ -294,7 +296,7 @@ class Scenario(Printable, Settings):
 
     @model_validator(mode="after")
     def _tables_agree(self) -> "Scenario":
-        problem = step_problem(self.stair, self.step) or act_problem(self.operator)
+        problem = step_problem(self.stair, self.step) or sill_problem(self.stair, self.sill) or act_problem(self.operator)
         if problem is not None:
             raise ValueError(problem)
         if self.start.place == "flight" and self.start.step >= self.stair.steps:

@@ -27,8 +27,8 @@ Friction = tuple[FrictionCoefficient, FrictionCoefficient]
 class Stair(Settings):
     """The staircase: ``rise_m`` and ``run_m``, or ``slope_deg`` with ``run_m``.
 
-    The slope is another way to write the rise: it is converted as the file is read, and is not kept. Several flights are alike,
-    with a landing between any two.
+    The slope is another way to write the rise: it is converted as the file is read, and is not kept, nor is the run of a single
+    step. Several flights are alike, with a landing between any two.
     """
 
     alternatives: ClassVar[Pairs] = (("rise_m", "slope_deg"),)
@@ -36,7 +36,7 @@ class Stair(Settings):
     rise_m: Annotated[float, Field(ge=RISE_M[0], le=RISE_M[1])] = 0.16
     """Height of a step."""
     run_m: Annotated[float, Field(ge=RUN_M[0], le=RUN_M[1])] = 0.30
-    """Depth of a step, from nosing to nosing."""
+    """Depth of a step, from nosing to nosing. A stair of one step has none: its value is then the default."""
     slope_deg: Annotated[float, Field(ge=SLOPE_DEG[0], le=SLOPE_DEG[1])] | None = Field(default=None, exclude=True)
     """Slope of the flight, in place of ``rise_m``."""
     steps: Annotated[int, Field(ge=1, le=2000)] = 20
@@ -94,20 +94,25 @@ class Stair(Settings):
 
     @model_validator(mode="before")
     @classmethod
-    def _rise_from_slope(cls, tables: object) -> object:
-        """Convert ``slope_deg`` to a rise, so that only one of the two is kept."""
-        if not isinstance(tables, dict) or tables.get("slope_deg") is None or "rise_m" in tables:
-            return tables  # both together are refused as alternatives
-        slope, run = tables["slope_deg"], tables.get("run_m", cls.model_fields["run_m"].default)
-        if not (_within(SLOPE_DEG, slope) and _within(RUN_M, run)):
-            return tables  # the fields' own checks say what is wrong with them
+    def _as_kept(cls, tables: object) -> object:
+        """Convert ``slope_deg`` to a rise, so that only one of the two is kept, and leave out the run of a single step."""
+        if not isinstance(tables, dict):
+            return tables
+        run = tables.get("run_m", cls.model_fields["run_m"].default)
+        if not _within(RUN_M, run):
+            return tables  # the field's own check says what is wrong with it
+        kept = {key: value for key, value in tables.items() if key != "run_m" or tables.get("steps") != 1}
+        slope = kept.get("slope_deg", math.nan)
+        if "rise_m" in tables or not _within(SLOPE_DEG, slope):
+            return kept  # both together are refused as alternatives
         rise = run * math.tan(math.radians(slope))
         if not _within(RISE_M, rise):
             raise ValueError(
                 f"slope_deg = {slope:g} with run_m = {run:g} is a rise of {rise:.3f} m; it must be from "
                 f"{RISE_M[0]:g} to {RISE_M[1]:g} m"
             )
-        return {key: value for key, value in tables.items() if key != "slope_deg"} | {"rise_m": rise}
+        del kept["slope_deg"]
+        return kept | {"rise_m": rise}
 
     @model_validator(mode="after")
     def _steps_exist(self) -> "Stair":

@@ -20,7 +20,7 @@ from treadline.vehicle._start_view import StartView
 from treadline.vehicle.bodies import Vehicle, vehicle
 from treadline.vehicle.stair_solids import Box, stair_boxes, stair_solids
 from treadline.vehicle.staircase import Staircase, as_designed
-from treadline.vehicle.start_pose import CLEARANCE_M, Standing, from_edge_m, length_m, rounded_off_m, standing
+from treadline.vehicle.start_pose import CLEARANCE_M, LANDING_LEAST_M, Standing, from_edge_m, length_m, rounded_off_m, standing
 
 SUNK_M = 0.01
 """Largest accepted penetration of a part into floor or stair at the start [m]: settling before t = 0 removes it."""
@@ -70,7 +70,7 @@ def checked_start(scenario: Scenario, chair: ChairDescription) -> tuple[tuple[st
         MechanicsError: If the chair cannot stand at the start: nothing can be judged or simulated from there.
     """
     # The jitter of single steps is drawn when the plant is built.
-    staircase, outside = as_designed(scenario.stair, scenario.step), _outside_the_flight(scenario, chair.tracks)
+    staircase, outside = as_designed(scenario.stair, scenario.step, scenario.sill), _outside_the_flight(scenario, chair.tracks)
     problem = (
         (outside if scenario.start.place == "flight" else None)
         or _in_the_floor(scenario, chair.tracks)
@@ -213,7 +213,9 @@ def _on_winders(scenario: Scenario, tracks: Tracks) -> str | None:
 def _over_the_landings_end(scenario: Scenario, chair: ChairDescription) -> str | None:
     """Return the depth of landing required so that a chair starting there has its belts on it, and a wall clear of its flipper."""
     stair, tracks, depth_m = scenario.stair, chair.tracks, max(scenario.stair.landing_m, scenario.stair.run_m)
-    needed_m = from_edge_m(stair, tracks) + length_m(stair, tracks) * math.cos(scenario.start.heading_deg * DEG)
+    sills_m, _ = as_designed(stair, (), scenario.sill).ground_behind(stair.count - 1)
+    behind_m = max(from_edge_m(stair, tracks), sills_m + LANDING_LEAST_M)
+    needed_m = behind_m + length_m(stair, tracks) * math.cos(scenario.start.heading_deg * DEG)
     if scenario.start.place != "landing" or depth_m >= needed_m:
         return None
     return (

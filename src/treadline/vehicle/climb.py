@@ -55,7 +55,7 @@ def climb_of(scenario: Scenario, chair: ChairDescription) -> Climb:
             pitch_m=pitch_m,
             half_run_m=half_run_m,
         )
-    rise_m = max(step.rise_m for step in as_designed(stair, scenario.step).steps)
+    rise_m = max(step.rise_m for step in as_designed(stair, scenario.step, scenario.sill).steps)
     # The rear end stands on the floor, the middle of the flat run on the nosing.
     pitch_rad = math.asin(min(rise_m / half_run_m, 1.0))
     return Climb(rise_m=rise_m, slope_rad=pitch_rad, is_flight=False, pitch_m=pitch_m, half_run_m=half_run_m)

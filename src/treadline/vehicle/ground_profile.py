@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.vehicle.stair_solids import FLOOR_LENGTH_M
-from treadline.vehicle.staircase import Staircase
+from treadline.vehicle.staircase import Relief, Staircase
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,17 +31,28 @@ class GroundProfile:
 
 
 def ground_profile(staircase: Staircase) -> GroundProfile:
-    """Return the ground at mid-width, with upright risers, and missing steps left out.
+    """Return the ground at mid-width, with upright risers, sills and ramps, and missing steps left out.
 
-    The floor before the stair and the uppermost landing are as long as the simulated floor, whatever the landing's depth. The
+    Floor and uppermost landing reach as far behind their last sill as the simulated floor, whatever the landing's depth. The
     ground of a stair that turns ends on its first landing or winder.
     """
     steps = staircase.straight_parts[0] if staircase.turn_rad else staircase.steps
     there = [step for step in steps if not step.missing]
-    ends_m = [*(step.x_m for step in there[1:]), there[-1].x_m + FLOOR_LENGTH_M]
-    vertices = [(-FLOOR_LENGTH_M, 0.0, 0.0), (there[0].x_m, 0.0, 0.0)]
+    ends_m = [*(step.x_m for step in there[1:]), math.inf]
+    floor = _outline(staircase, None, math.inf)
+    vertices = [(there[0].x_m - out_m, z_m, 0.0) for out_m, z_m in reversed(floor)]
     for step, end_m in zip(there, ends_m, strict=True):
-        back_m = step.z_m + (end_m - step.x_m) * math.tan(step.tread_slope_rad)
-        vertices += [(step.x_m, step.z_m, step.nosing_radius_m), (end_m, back_m, 0.0)]
+        rising = math.tan(step.tread_slope_rad)
+        outline = _outline(staircase, step.index, end_m - step.x_m)
+        rounded = [step.nosing_radius_m, *(0.0 for _ in outline[1:])]
+        places = [(step.x_m + out_m, step.z_m + z_m + out_m * rising) for out_m, z_m in outline]
+        vertices += [(x_m, z_m, radius_m) for (x_m, z_m), radius_m in zip(places, rounded, strict=True)]
     x_m, z_m, radius_m = np.ascontiguousarray(np.array(vertices).T)
     return GroundProfile(x_m=x_m, z_m=z_m, radius_m=radius_m)
+
+
+def _outline(staircase: Staircase, place: int | None, depth_m: float) -> Relief:
+    """Return distances and heights of the vertices of floor (None) or a tread, the nearest to its flight or nosing first."""
+    relief = staircase.reliefs.get(place, ((0.0, 0.0),))
+    last_m, level_m = relief[-1]
+    return (*relief, (min(depth_m, last_m + FLOOR_LENGTH_M), level_m))

@@ -1,5 +1,6 @@
 """Stair as solids: floor, treads, landings, walls and newel as boxes, nosings as round bars: ``Staircase -> Box, Solid``."""
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -9,7 +10,7 @@ from jaxtyping import Float
 
 from treadline.core.rotations import Rotation, Vector3, rotation_y, rotation_z
 from treadline.scenario.chair import Point
-from treadline.vehicle.staircase import Staircase, Step, Winders
+from treadline.vehicle.staircase import Relief, Staircase, Step, Winders
 
 TREAD_THICKNESS_M = 0.04
 """Thickness of an open-riser tread [m]."""
@@ -24,8 +25,8 @@ class Box:
     """Solid box, rotated about the vertical by ``yaw_rad``, its front lowered by ``pitch_rad``."""
 
     kind: str
-    """Kind: ``floor``, ``step`` (a tread, with its riser unless it overhangs), ``riser`` (under an overhanging tread), ``landing``
-    or ``wall``."""
+    """Kind: ``floor``, ``step`` (a tread, with its riser unless it overhangs), ``riser`` (under an overhanging tread), ``landing``,
+    ``sill`` (part of a floor with sills, or of a landing behind its first sill) or ``wall``."""
     index: int = -1
     """Index of the step; -1 for other boxes."""
     centre_W: Point
@@ -68,18 +69,36 @@ def stair_boxes(staircase: Staircase) -> tuple[Box, ...]:
     walls = [_placed(box, *frame) for k, frame in enumerate(frames) for box in _walls(staircase, k)]
     if staircase.end_wall:
         walls.append(_placed(_end_wall(staircase), *frames[-1]))
-    return (_floor(staircase, treads), *treads, *walls)
+    return (*_floor(staircase, treads), *treads, *walls)
 
 
-def _floor(staircase: Staircase, treads: Sequence[Box]) -> Box:
+def _floor(staircase: Staircase, treads: Sequence[Box]) -> list[Box]:
     """Return the floor before the stair; below an open flight, through which a camera sees it, it goes on."""
     ends_m = (box.centre_W[0] + math.hypot(*box.half_m[:2]) for box in treads)
     under_m = max(ends_m) if staircase.open_risers else 0.5
-    return Box(
+    whole = Box(
         kind="floor",
         centre_W=(0.5 * (under_m - 0.5 - FLOOR_LENGTH_M), 0.0, -0.1),
         half_m=(0.5 * (FLOOR_LENGTH_M + 0.5 + under_m), 0.5 * staircase.width_m + 2.0, 0.1),
     )
+    relief = staircase.reliefs.get(None)
+    if relief is None:
+        return [whole]
+    slabs = _slabs(whole, ((-under_m, 0.0), *relief[1:]), relief[-1][0] + FLOOR_LENGTH_M)
+    return [_placed(slab, rotation_z(math.pi), np.zeros(3)) for slab in slabs]
+
+
+def _slabs(ground: Box, relief: Relief, end_m: float) -> list[Box]:
+    """Return a slab under each piece of an outline up to ``end_m``, x away from the flight, as wide and thick as ``ground``."""
+    _, half_width, half_m = ground.half_m
+    slabs = []
+    for (x_m, z_m), (next_m, next_z_m) in itertools.pairwise((*relief, (end_m, relief[-1][1]))):
+        rising = math.atan2(next_z_m - z_m, next_m - x_m)
+        along_m, up_m = 0.5 * (x_m + next_m) + half_m * math.sin(rising), 0.5 * (z_m + next_z_m) - half_m * math.cos(rising)
+        size_m = (0.5 * math.hypot(next_m - x_m, next_z_m - z_m), half_width, half_m)
+        slab = Box(kind="sill", index=ground.index, centre_W=(along_m, 0.0, up_m), half_m=size_m, pitch_rad=rising)
+        slabs += [slab] * (next_m > x_m)
+    return slabs
 
 
 def stair_solids(staircase: Staircase) -> tuple[Solid, ...]:
@@ -90,27 +109,39 @@ def stair_solids(staircase: Staircase) -> tuple[Solid, ...]:
     )
 
 
-def stair_surfaces(staircase: Staircase) -> Float[np.ndarray, "N 7"]:
-    """Return the tops of floor, treads and landings: centre x, y, cosine and sine of the yaw, half length and width, height."""
-    return np.array(
-        [
-            (x, y, math.cos(box.yaw_rad), math.sin(box.yaw_rad), *box.half_m[:2], z + box.half_m[2])
-            for box in stair_boxes(staircase)
-            if box.kind not in ("wall", "riser")
-            for x, y, z in [box.centre_W]
-        ]
-    )
+def stair_surfaces(staircase: Staircase) -> Float[np.ndarray, "N 8"]:
+    """Return the tops of floor, treads and landings.
+
+    Columns: centre x, y, cosine and sine of the yaw, half length and width in the plan, height of the centre, rise per metre.
+    """
+    boxes = [box for box in stair_boxes(staircase) if box.kind not in ("wall", "riser")]
+    return np.array([_top(box, np.array(box.centre_W) + box.half_m[2] * box.R_WK[:, 2]) for box in boxes])
 
 
-def ground_m(surfaces: Float[np.ndarray, "N 7"], points_W: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+def bearing_edges(staircase: Staircase) -> Float[np.ndarray, "N 3"]:
+    """Return points at mid-width on which belts can stand: the nosings, and the upper edges of sills [m]."""
+    sills = [box for box in stair_boxes(staircase) if box.kind == "sill"]
+    edges = [box.centre_W + box.R_WK @ (end * box.half_m[0], 0.0, box.half_m[2]) for box in sills for end in (-1.0, 1.0)]
+    return np.array([*staircase.nosings_W, *edges])
+
+
+def _top(box: Box, centre_W: Vector3) -> tuple[float, ...]:
+    (half_length, half_width, _), level = box.half_m, math.cos(box.pitch_rad)
+    x, y, z = centre_W.tolist()
+    return x, y, math.cos(box.yaw_rad), math.sin(box.yaw_rad), half_length * level, half_width, z, math.tan(box.pitch_rad)
+
+
+def ground_m(surfaces: Float[np.ndarray, "N 8"], points_W: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
     """Return the height of the highest floor, tread or landing not above each point [m]; -inf where there is none.
 
     Args:
         surfaces: Tops as ``stair_surfaces`` returns them.
     """
-    x, y, c, s, half_length, half_width, height = surfaces.T
+    x, y, c, s, half_length, half_width, middle_m, rising = surfaces.T
     dx, dy = points_W[:, :1] - x, points_W[:, 1:2] - y
-    below = (np.abs(dx * c + dy * s) <= half_length) & (np.abs(dy * c - dx * s) <= half_width) & (height <= points_W[:, 2:])
+    along = dx * c + dy * s
+    height = middle_m + rising * along
+    below = (np.abs(along) <= half_length) & (np.abs(dy * c - dx * s) <= half_width) & (height <= points_W[:, 2:])
     return np.asarray(np.where(below, height, -np.inf).max(axis=1))
 
 
@@ -128,11 +159,23 @@ def _treads(staircase: Staircase, flight: int) -> list[Box]:
             boxes += _winder(staircase, winders, step)
         elif after is None:
             depth_m = max(staircase.landing_m, step.depth_m) if is_last else step.depth_m
-            boxes += _tread(staircase, step, depth_m, "landing", half_width)
+            boxes += _landing(staircase, step, depth_m)
+        elif step is steps[-1]:
+            boxes += _landing(staircase, step, step.depth_m + _under(staircase, step, after))
         else:
-            kind = "landing" if step is steps[-1] else "step"
-            boxes += _tread(staircase, step, step.depth_m + _under(staircase, step, after), kind, half_width)
+            boxes += _tread(staircase, step, step.depth_m + _under(staircase, step, after), "step", half_width)
     return boxes
+
+
+def _landing(staircase: Staircase, step: Step, depth_m: float) -> list[Box]:
+    """Return the boxes of a landing up to its first sill, and the slabs behind, in F."""
+    half_width, relief = 0.5 * staircase.width_m, staircase.reliefs.get(step.index)
+    if relief is None:
+        return _tread(staircase, step, depth_m, "landing", half_width)
+    before = _tread(staircase, step, relief[1][0], "landing", half_width)
+    tilted = rotation_z(step.yaw_rad) @ rotation_y(-step.tread_slope_rad)
+    slabs = [_placed(slab, tilted, step.nosing_F) for slab in _slabs(before[0], relief[1:], depth_m)]
+    return [*before, *(replace(slab, pitch_rad=slab.pitch_rad + step.tread_slope_rad) for slab in slabs)]
 
 
 def _under(staircase: Staircase, step: Step, after: Step) -> float:

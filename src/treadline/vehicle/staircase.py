@@ -7,8 +7,9 @@ nosing of the flight. Positions of steps are then in F, and S belongs to a fligh
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -16,10 +17,13 @@ from jaxtyping import Float
 
 from treadline.core.angles import DEG, wrap
 from treadline.core.rotations import Rotation, Vector3, rotation_y, rotation_z
+from treadline.scenario.sill import Sill, landing_of
 from treadline.scenario.stair import Friction, Stair, StepOverride, place_of
 
 SIGN_OF_TURN = {"none": 0, "left": 1, "right": -1}
 """Sign of a turn, positive to the left."""
+Relief = tuple[tuple[float, float], ...]
+"""Outline of ground with sills: distance from the flight and height of each vertex [m], the nearest first."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -145,6 +149,8 @@ class Staircase:
     turn_rad: float
     """Turn from each flight to the next, positive to the left; zero straight on."""
     winders: Winders | None
+    reliefs: Mapping[int | None, Relief]
+    """Outlines of floor (None) and landings (index of the step) with sills; others are absent."""
 
     @property
     def flights(self) -> tuple[tuple[Step, ...], ...]:
@@ -160,6 +166,10 @@ class Staircase:
         if self.winders is None:
             return self.flights
         return self.steps[: self.winders.first + 1], self.steps[self.winders.after :]
+
+    def ground_behind(self, place: int | None) -> tuple[float, float]:
+        """Return distance and height of the ground behind the sills of floor (None) or landing [m]."""
+        return self.reliefs.get(place, ((0.0, 0.0),))[-1]
 
     def alone(self, flight: int) -> "Staircase":
         """Return one flight with its landing and without the others; W is then F."""
@@ -270,11 +280,14 @@ class Staircase:
         return math.hypot(last.x_m - first.x_m, last.z_m - first.z_m) / (len(flight) - 1)
 
 
-def build_staircase(stair: Stair, rng: np.random.Generator, overrides: Sequence[StepOverride] = ()) -> Staircase:
+def build_staircase(
+    stair: Stair, rng: np.random.Generator, overrides: Sequence[StepOverride] = (), sills: Sequence[Sill] = ()
+) -> Staircase:
     """Return the staircase of a scenario, with jitter drawn from ``rng``.
 
     Args:
         overrides: Properties of individual steps, which replace design values and jitter.
+        sills: Sills on floor and landings.
     """
     count = stair.count
     own = _by_step(stair, overrides)
@@ -324,7 +337,18 @@ def build_staircase(stair: Stair, rng: np.random.Generator, overrides: Sequence[
         flight_count=stair.flights if winders is None else 2,
         turn_rad=0.5 * math.pi * SIGN_OF_TURN[stair.turn] if winders is None else winders.turn_rad,
         winders=winders,
+        reliefs=_reliefs(stair, sills),
     )
+
+
+def _reliefs(stair: Stair, sills: Sequence[Sill]) -> dict[int | None, Relief]:
+    """Return the outlines of floor and landings with sills."""
+    found: dict[int | None, Relief] = {}
+    for sill in sorted(sills, key=attrgetter("distance_m")):
+        place = landing_of(stair, sill)
+        before = found.get(place, ((0.0, 0.0),))
+        found[place] = (*before, *sill.vertices(before[-1][1]))
+    return found
 
 
 def up_W(stair: Stair) -> Vector3:
@@ -375,10 +399,10 @@ def _places(stair: Stair, longer_m: Float[np.ndarray, " n"], winders: Winders | 
     return places[: winders.first] + wound + above
 
 
-def as_designed(stair: Stair, overrides: Sequence[StepOverride] = ()) -> Staircase:
+def as_designed(stair: Stair, overrides: Sequence[StepOverride] = (), sills: Sequence[Sill] = ()) -> Staircase:
     """Return the staircase without jitter."""
     level = {"rise_jitter_m": 0.0, "run_jitter_m": 0.0, "nosing_yaw_jitter_deg": 0.0}
-    return build_staircase(stair.model_copy(update=level), np.random.default_rng(0), overrides)
+    return build_staircase(stair.model_copy(update=level), np.random.default_rng(0), overrides, sills)
 
 
 def _by_step(stair: Stair, overrides: Sequence[StepOverride]) -> dict[int, dict[str, Any]]:

@@ -17,7 +17,7 @@ FLOOR_START_M, LANDING_START_M, LANDING_SPARE_M = 1.0, 0.6, 0.1
 """Initial distance of the nearer pulley from the first nosing (floor) and from the edge (landing), and free length of a short
 landing behind the chair [m]."""
 LANDING_LEAST_M = 0.2
-"""Least initial distance of the pulley from the edge of a short landing [m]."""
+"""Least initial distance of the pulley from the edge of a short landing, and from a sill [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -42,7 +42,7 @@ def length_m(landing: Staircase | Stair, tracks: Tracks) -> float:
 
 
 def standing(staircase: Staircase, tracks: Tracks, start: Start) -> Standing:
-    """Return the start pose of a scenario, slightly above the support.
+    """Return the start pose of a scenario, slightly above the support, behind the sills of its floor or landing.
 
     On the landing, heading and lateral position are relative to the last flight.
     """
@@ -51,10 +51,12 @@ def standing(staircase: Staircase, tracks: Tracks, start: Start) -> Standing:
     along, flight = 0.5 * tracks.flat_run_m * math.cos(heading), 0
     R_WB = rotation_y(-slope) @ rotation_z(heading)
     if start.place == "floor":
-        p_WB = np.array([-along - FLOOR_START_M, start.lateral_m, CLEARANCE_M])
+        sills_m, level_m = staircase.ground_behind(None)
+        p_WB = np.array([-along - max(FLOOR_START_M, sills_m + LANDING_LEAST_M), start.lateral_m, CLEARANCE_M + level_m])
     elif start.place == "landing":
-        behind_m = along + from_edge_m(staircase, tracks)
-        p_WB = np.array([top.x_m + behind_m, start.lateral_m, top.z_m + CLEARANCE_M + behind_m * math.tan(slope)])
+        sills_m, level_m = staircase.ground_behind(top.index)
+        behind_m = along + max(from_edge_m(staircase, tracks), sills_m + LANDING_LEAST_M)
+        p_WB = np.array([top.x_m + behind_m, start.lateral_m, top.z_m + level_m + CLEARANCE_M + behind_m * math.tan(slope)])
         flight = staircase.flight_count - 1
     else:
         step = staircase.steps[start.step]

@@ -126,7 +126,7 @@ def _solimp(stiffness: float = 1.0) -> str:
 def _boxes(number: int, solid: Solid) -> Iterator[tuple[str, str, Box]]:
     """Yield name and contact class of the boxes of a staircase's solid."""
     box = solid.box
-    if box.kind != "landing":
+    if box.kind not in ("landing", "sill"):
         kind = "ground" if box.kind == "floor" else "stair"
         yield f"{kind}_{number}", kind, box
         return
@@ -153,7 +153,7 @@ def _friction_row(box: Box, staircase: Staircase) -> tuple[float, ...]:
     if box.index >= 0:
         left, right = staircase.steps[box.index].friction
     else:
-        left = right = staircase.floor_friction if box.kind == "floor" else staircase.friction
+        left = right = staircase.floor_friction if box.kind in ("floor", "sill") else staircase.friction
     return (*left, *right, x, y, *leftward)
 
 

@@ -69,7 +69,7 @@ class GroundAhead:
         """Return the ground ahead at a pose of the chair."""
         ahead = self._way * R_WB[:2, 0] / math.hypot(*R_WB[:2, 0])
         places = p_WB[:2] + self._points @ np.array([ahead, [-ahead[1], ahead[0]]])
-        x, y, _, _, half_length, half_width, _ = self._surfaces.T
+        x, y, _, _, half_length, half_width, _, _ = self._surfaces.T
         near = self._surfaces[np.hypot(x - p_WB[0], y - p_WB[1]) < RANGE_M + np.hypot(half_length, half_width)]
         under_W = p_WB + self._under_B @ R_WB.T
         levels_m = ground_m(near, under_W)
@@ -78,15 +78,17 @@ class GroundAhead:
         if not math.isfinite(level_m):  # the chair has left all ground
             level_m = float(p_WB[2])
         # No flight rises by more than 45°: what is higher belongs to another flight, above this one.
-        tops_m = ground_m(near, np.column_stack([places, level_m + self._points[:, 0]]))
+        tops_m = ground_m(near, np.column_stack([places, level_m + self._points[:, 0]])).reshape(-1, LINES)
         points_B = (np.column_stack([places, np.full(len(places), level_m)]) - p_WB) @ R_WB
         margins = margins_px(self._camera, (points_B - self._camera.mount_m) @ self._camera.R_BC)
         seen = np.asarray(np.all(margins.reshape(-1, LINES) > 0.0, axis=1))
-        bears = tops_m > level_m - SINGLE_RISE_M[0]
+        # A ramp descends by less from point to point.
+        bears = tops_m >= np.vstack([np.full(LINES, level_m), tops_m[:-1]]) - SINGLE_RISE_M[0]
+        bears &= np.isfinite(tops_m)
         if self._wall is not None:  # a wall rises
             p_W, ahead_W = self._wall
-            bears |= (places - p_W) @ ahead_W > 0.0
-        return self._measured(t_s, seen, bears.reshape(-1, LINES))
+            bears |= ((places - p_W) @ ahead_W > 0.0).reshape(-1, LINES)
+        return self._measured(t_s, seen, np.logical_and.accumulate(bears))
 
     def _measured(self, t_s: float, seen: Bool[np.ndarray, " n"], bears: Bool[np.ndarray, "n k"]) -> FreeGround:
         """Return the measurement of one frame; each takes the same number of random draws.

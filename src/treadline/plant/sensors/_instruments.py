@@ -36,7 +36,7 @@ from treadline.plant.sensors.statistical_camera import EXACT_PLACE_M, Statistica
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.scenario import Chair, Realism, Scenario
 from treadline.vehicle.bodies import payload_com, payload_origin
-from treadline.vehicle.stair_solids import stair_surfaces
+from treadline.vehicle.stair_solids import bearing_edges, stair_surfaces
 from treadline.vehicle.staircase import Staircase, build_staircase, up_W
 from treadline.vehicle.tip_over_margin import ROCKING_M, TIP_GAP_M
 from treadline.vehicle.traction import friction_use
@@ -186,6 +186,7 @@ class Instruments:
         self._R_GW = rotation_x(scenario.stair.side_slope_deg * DEG)
         """Rotation from W into the axes of gravity G, whose z points up."""
         self._nosings_W = staircase.nosings_W
+        self._bearing_W = bearing_edges(staircase)
         self._surfaces = stair_surfaces(staircase)
         there = [k for k, steps in enumerate(staircase.flights) for step in steps if not step.missing]
         self._nosings_x_m = np.array(
@@ -270,7 +271,7 @@ class Instruments:
             state.reach_m,
             place,
             self._reaches,
-            self._nosings_W,
+            self._bearing_W,
             self._surfaces,
             self._numbers,
             self._seated,
@@ -338,7 +339,7 @@ class InstrumentedPlant(ABC):
     def __init__(self, scenario: Scenario, chair: ChairDescription, seed: int) -> None:
         stair, imu, seat, statistical, render, flipper, link, self._physics_draws = np.random.default_rng(seed).spawn(8)
         self._scenario, self._chair = scenario, chair
-        self.staircase: Staircase = build_staircase(scenario.stair, stair, scenario.step)
+        self.staircase: Staircase = build_staircase(scenario.stair, stair, scenario.step, scenario.sill)
         self._camera = self._camera_of(statistical, render)
         self._drives = Actuators(scenario, chair)
         streams = Streams(imu=imu, seat=seat, flipper=flipper, link=link)

@@ -142,7 +142,8 @@ def tip_support(surfaces, tip_x, tip_z, half_gauge, radius, p_WB, R_WB, within):
     """Return the distance of the front tip's support ahead of B, or minus infinity if neither tip is near the ground.
 
     Args:
-        surfaces: Flat tops, one row each: centre x, y, cosine and sine of the yaw, half length, half width, height.
+        surfaces: Flat tops, one row each: centre x, y, cosine and sine of the yaw, half length, half width, height,
+            rise per metre.
         tip_x: Axis of the tip pulleys in B, and ``tip_z`` the same, vertical.
         within: Largest gap between the lowest point of a tip and the ground below for a contact.
     """
@@ -154,8 +155,9 @@ def tip_support(surfaces, tip_x, tip_z, half_gauge, radius, p_WB, R_WB, within):
             dx, dy = x - row[0], y - row[1]
             along, across = fused(row[2], dx, row[3] * dy), fused(row[2], dy, -(row[3] * dx))
             # A tread above the tip's axis (open risers) gives no support.
-            if abs(along) <= row[4] and abs(across) <= row[5] and row[6] < z:
-                ground = max(ground, row[6])
+            height = fused(row[7], along, row[6])
+            if abs(along) <= row[4] and abs(across) <= row[5] and height < z:
+                ground = max(ground, height)
         if z - radius - ground <= within:
             return tip_x - radius * R_WB[2, 0]  # the lowest point, below the axis in W
     return -math.inf

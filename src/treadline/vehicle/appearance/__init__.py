@@ -85,7 +85,7 @@ def _meshes(solid: Solid) -> list[tuple[str, Mesh]]:
         return [(whole[shape.kind], _slab(shape, -top, top))]
     layer = min(0.02, top)  # the upper layer of a step has the tread's colour
     found = [
-        ("landings" if shape.kind == "landing" else "treads", _slab(shape, top - layer, top)),
+        ("landings" if shape.kind in ("landing", "sill") else "treads", _slab(shape, top - layer, top)),
         ("risers", _slab(shape, -top, top - layer)),
     ]
     if solid.nosing is not None:

@@ -54,7 +54,7 @@ def stair_frames(
     look = partial(Camera, kind=kind, device=device, texture=scenario.stair.texture, light=scenario.stair.light)
     for number in range(count):
         rng = np.random.default_rng([seed, number])
-        staircase = build_staircase(scenario.stair, rng, scenario.step)
+        staircase = build_staircase(scenario.stair, rng, scenario.step, scenario.sill)
         place, lateral, heading = (float(rng.uniform(*limits)) for limits in (PLACE_M, LATERAL_M, heading_rad))
         length = staircase.pitch_m * (len(staircase.steps) - 1)
         R_WB = staircase.R_WS @ rotation_z(heading)

@@ -142,7 +142,7 @@ class Camera:
         # Near infrared: what is dark to the eye is less so to the sensor.
         self._albedos = 0.35 + 0.5 * self._colours.mean(axis=1) / 255.0
         self._radii = np.linalg.norm(self._halves, axis=1)
-        self._large = np.array([solid.kind in ("wall", "floor", "landing") for solid in solids])
+        self._large = np.array([solid.kind in ("wall", "floor", "landing", "sill") for solid in solids])
         self._shades = np.array([_shades(solid) for solid in solids])
         self._axes = np.array([np.repeat(np.argmax(np.abs(solid.R_WK), axis=0), 2) for solid in solids])
 
