@@ -16,8 +16,9 @@ from treadline.scenario.shipped_files import CONTROLLERS, shipped_controller
 
 
 def test_a_seat_shifted_so_that_the_chair_may_climb_is_the_missions() -> None:
-    heavy = {"payload_kg": 80.0, "payload_offset_m": [-0.1, 0.0, 0.05]}
-    setup = resolve(Scenario.model_validate({"stair": {"slope_deg": 30.0}, "chair": heavy}))
+    heavy = {"payload_kg": 80.0, "payload_offset_m": [-0.2, 0.0, 0.05]}
+    tables = {"stair": {"slope_deg": 28.0, "steps": 8}, "start": {"place": "floor"}, "chair": heavy}
+    setup = resolve(Scenario.model_validate(tables))
     assert setup.seat_shift is not None
     assert setup.scenario.chair.seat_shift_m != 0.0
     assert setup.rejections == ()

