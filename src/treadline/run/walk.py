@@ -134,6 +134,8 @@ class _Walker:
         self._lag_s = chair.drives.lag_s
         self._speed_m_s = self._faster_m_s2 = self._rate_rad_s = 0.0
         self._t_s, self._looked_s = 0.0, -math.inf
+        self._is_stalled = False
+        """Whether the flipper's motor pushes with all of its torque."""
 
     def walk(self, until_rad_s: float) -> Walk:
         """Walk to the end, or until the chair turns so fast."""
@@ -192,7 +194,8 @@ class _Walker:
         """Return the torque that the flipper's motor reads: its own weight raised, less what the ground turns up [N m]."""
         part, pose = self._chair.parts[1], self._pose
         level = 0.5 * float(part[2]) * math.cos(pose.pitch_rad + pose.angles_rad[0])
-        return float(self._chair.masses[1, 0]) * GRAVITY_M_S2 * level - pose.torques_n_m[0]
+        borne = float(self._chair.torques_n_m[0]) if self._is_stalled else pose.torques_n_m[0]
+        return float(self._chair.masses[1, 0]) * GRAVITY_M_S2 * level - borne
 
     def _move(self, plan: MotionPlan) -> Fall | None:
         """Move belts and flipper for one step; return the fall on the way, if any."""
@@ -226,8 +229,9 @@ class _Walker:
         return moved, _larger(fall, further)
 
     def _yielded(self, pose: RestPose, fall: Fall | None) -> tuple[RestPose, Fall | None]:
-        """Return the pose after a flipper has yielded that carries more than its motor can."""
+        """Return the pose after a flipper has yielded that carries more than its motor can; the motor then pushes with all it has."""
         limit = float(self._chair.torques_n_m[0])
+        self._is_stalled = self._flipper is not None and pose.torques_n_m[0] > limit
         while self._flipper is not None and pose.torques_n_m[0] > limit and pose.angles_rad[0] < self._flipper.range_deg[1] * DEG:
             pose, further = self._chair.moved(self._ground, pose, pose.x_m, (pose.angles_rad[0] + YIELD_RAD,))
             fall = _larger(fall, further)
