@@ -30,7 +30,7 @@ from treadline.plant.sensors.statistical_camera import StatisticalCamera
 from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription
 from treadline.scenario.scenario import Scenario
 from treadline.vehicle.ground_profile import ground_profile
-from treadline.vehicle.rest_poses import Fall, Ground, RestChair, RestPose, rest_chair
+from treadline.vehicle.rest_poses import Fall, Ground, RestChair, RestPose, fall_to, rest_chair
 from treadline.vehicle.staircase import as_designed
 from treadline.vehicle.start_pose import standing
 
@@ -210,9 +210,8 @@ class _Walker:
         x_m = before.x_m + along_m * math.cos(before.pitch_rad)
         after, fall = self._chair.moved(self._ground, before, x_m, (angle,))
         after, fall = self._without_slip(before, after, fall, along_m)
-        after, fall = self._yielded(after, fall)
-        self._pose = after
         turned = after.pitch_rad - before.pitch_rad
+        self._pose, fall = self._yielded(after, fall)
         self._rate_rad_s = (turned if fall is None else 0.0) / step_s
         self._t_s = round(self._t_s + step_s, 6)
         return fall
@@ -230,12 +229,16 @@ class _Walker:
 
     def _yielded(self, pose: RestPose, fall: Fall | None) -> tuple[RestPose, Fall | None]:
         """Return the pose after a flipper has yielded that carries more than its motor can; the motor then pushes with all it has."""
-        limit = float(self._chair.torques_n_m[0])
+        limit, bears = float(self._chair.torques_n_m[0]), pose
         self._is_stalled = self._flipper is not None and pose.torques_n_m[0] > limit
         while self._flipper is not None and pose.torques_n_m[0] > limit and pose.angles_rad[0] < self._flipper.range_deg[1] * DEG:
-            pose, further = self._chair.moved(self._ground, pose, pose.x_m, (pose.angles_rad[0] + YIELD_RAD,))
-            fall = _larger(fall, further)
-        return pose, fall
+            pose, _ = self._chair.moved(self._ground, pose, pose.x_m, (pose.angles_rad[0] + YIELD_RAD,))
+        if not self._is_stalled:
+            return pose, fall
+        # What the motor takes up does not speed the chair up.
+        taken_m = limit * (pose.angles_rad[0] - bears.angles_rad[0]) / self._chair.weight_n
+        sunk_m = max(bears.com_m[1] - pose.com_m[1] - taken_m, 0.0)
+        return pose, _larger(fall, fall_to(pose, abs(pose.pitch_rad - bears.pitch_rad), sunk_m))
 
 
 def _larger(one: Fall | None, other: Fall | None) -> Fall | None:

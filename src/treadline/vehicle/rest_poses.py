@@ -136,8 +136,7 @@ class RestChair:
         rests = self.at(ground, x_m, angles_rad, pitch)
         if angle == 0.0:
             return rests, None
-        lever_m = math.dist(rests.com_m, rests.pivot_m)
-        return rests, Fall(angle_rad=angle, drop_m=drop_m, rate_rad_s=math.sqrt(2.0 * GRAVITY_M_S2 * drop_m) / lever_m)
+        return rests, fall_to(rests, angle, drop_m)
 
     def least_margins(self, rise_m: float, run_m: float, angles_rad: tuple[float, ...]) -> tuple[float, float]:
         """Return the least margins to the front and to the rear on a long flight, over one step of it [rad]; 0 if it does not rest.
@@ -157,6 +156,12 @@ class RestChair:
         except MechanicsError:
             return 0.0, 0.0
         return min(one.front_margin_rad for one in poses), min(one.rear_margin_rad for one in poses)
+
+
+def fall_to(rests: RestPose, angle_rad: float, drop_m: float) -> Fall:
+    """Return a fall that ends in a pose: a point mass that has sunk turns about the contact that bears it."""
+    rate_rad_s = math.sqrt(2.0 * GRAVITY_M_S2 * drop_m) / math.dist(rests.com_m, rests.pivot_m)
+    return Fall(angle_rad=angle_rad, drop_m=drop_m, rate_rad_s=rate_rad_s)
 
 
 def rest_chair(
