@@ -372,7 +372,7 @@ class Disturbed(NamedTuple):
         case = self.case
         # It may be there before its time is up.
         in_time = seen.verdict == "arrived" and not case.moving and after_s <= case.held_s
-        if seen.verdict not in case.ends and not in_time:
+        if seen.verdict.replace("held_rough", "held") not in case.ends and not in_time:
             yield f"{seen.verdict} ({seen.cause})"
         limits = {"found s": case.found_s, "held s": case.held_s, "still s": case.still_s}
         limits |= LIMITS | {"heading °": case.heading_deg, "seat °": case.seat_deg}

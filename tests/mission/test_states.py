@@ -109,6 +109,13 @@ def at_an_angle(world: World) -> None:
     world.run("climb")
 
 
+def wet(world: Foot) -> None:
+    """Let friction fall below the slope's tangent on the flight."""
+    world.run("climb")
+    world.grip = -0.2
+    until_the_end(world)
+
+
 def over_the_edge(seen: StairMap) -> StairMap:
     return replace(seen, nosings_B=np.vstack([[-0.3, 0.0, 0.0], seen.nosings_B]))
 
@@ -143,6 +150,12 @@ UP: dict[str, Case] = {
     "sent back on the landing": (lambda: Foot(steps=5), pressed("land", go_back=True), ()),
     "low": (lambda: Foot(steps=2), until_the_end, ()),
     "barred": (lambda: Foot(steps=5), until_the_end, ("climb", "slow", "reach", "barred")),
+    "barred, the foot not known": (
+        lambda: Foot(steps=8, x_m=3.0, z_m=5 * RISE_M, pitch_rad=SLOPE_RAD),
+        until_the_end,
+        ("climb", "slow", "reach", "barred"),
+    ),
+    "wet steps": (lambda: Foot(steps=8), wet, ()),
     "on a nosing": (lambda: Foot(steps=5), until_the_end, ("slow", "reach", "slow", "reach", "carry", "lead", "land", "done")),
 }
 DOWN: dict[str, Case] = {

@@ -204,6 +204,19 @@ def test_what_check_lets_in_with_hardly_more_friction_than_its_reserve_arrives(d
     assert (run.verdict, run.cause) == ("arrived", None)
 
 
+@pytest.mark.parametrize(
+    ("wet", "ends"),
+    [((4, 5, 6), ("held", "the belts slip on the flight; send the chair back")), ((9,), ("refused", "the chair goes back down"))],
+)
+def test_wet_steps_hold_the_chair_and_a_wet_last_one_sends_it_back(wet: tuple[int, ...], ends: tuple[str, str]) -> None:
+    steps = tuple({"index": index, "friction": [0.36, 0.3]} for index in wet)
+    run = Trip(steps=10, stair={"friction": (0.8, 0.65)}, step=steps, duration_s=120.0).run(after_hold_s=3.0)
+    assert run.verdict == ends[0]
+    assert ends[1] in str(run.cause)
+    # A slide of 0.1 m, and of a chair that backs off the way to the floor.
+    assert run.scores.roll_back_m < 0.1 or abs(run.trace["pitch_rad"][-1]) < np.radians(2.1)
+
+
 def test_what_check_forbids_does_not_move() -> None:
     run = Trip(stair={"friction": (0.54, 0.5)}).run()
     assert run.verdict == "refused"

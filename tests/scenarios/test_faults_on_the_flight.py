@@ -136,7 +136,7 @@ def test_7_a_gyro_that_drifts_or_jumps(value: float) -> None:
     """Test: a bias of 1 °/s, a jump of 20°. Expected result: heading within 7°, and known for what it is or HOLD."""
     run = ride(fault("imu_bias", value, for_s=6.0))
     assert min(event.t_s for event in run.events if event.name in ("re-referenced", "hold")) - AT_S <= 1.0
-    if run.verdict == "held":
+    if run.verdict.startswith("held"):
         stands_still(run, within_s=1.0)
     assert worst_heading_deg(run) <= 7.0
 
@@ -154,7 +154,7 @@ def test_13_drives_that_report_nothing() -> None:
 def test_10_a_clock_that_leaps_back() -> None:
     """Test: stamps leap back by 0.5 s and come twice. Expected result: no exception; driven on, or held at once."""
     run = ride(fault("clock_back", 0.5))
-    if run.verdict == "held":
+    if run.verdict.startswith("held"):
         stands_still(run, within_s=0.5)
     else:
         assert run.verdict == "time_up", run.cause
@@ -164,7 +164,7 @@ def test_10_a_clock_that_leaps_back() -> None:
 def test_11_a_mission_that_is_late() -> None:
     """Test: orders half a second late. Expected result: still within 0.8 s, by the actuators' own watchdog."""
     run = ride(fault("late_tick", 0.5))
-    assert run.verdict == "held", run.cause
+    assert run.verdict.startswith("held"), run.cause
     assert speed_m_s(run, AT_S + 0.8, AT_S + 3.0) == 0.0
 
 
@@ -172,7 +172,7 @@ def test_11_drives_that_braked_by_themselves_are_the_cause() -> None:
     """Test: commands do not arrive for 0.4 s, readings do (GUARD §1, hole 14). Expected result: HOLD; the cause is the brake of the
     drives' own watchdog, and not a stalled track."""
     run = ride(fault("process_killed", Process.MISSION, for_s=0.4))
-    assert run.cause == "the plant braked by itself: no command for 0.31 s"
+    assert run.cause.partition("; passenger")[0] == "the plant braked by itself: no command for 0.31 s"
 
 
 def test_13_a_belt_that_stalls() -> None:
@@ -200,7 +200,7 @@ def test_22_a_dead_mission() -> None:
     """Test: no order reaches the chair. Expected result: the actuators' watchdog stops it within 0.8 s, and it stays."""
     run = ride(fault("process_killed", Process.MISSION))
     assert speed_m_s(run, AT_S + 0.8, AT_S + 3.0) == 0.0
-    assert run.verdict == "held", run.cause
+    assert run.verdict.startswith("held"), run.cause
 
 
 def test_24_a_power_cut() -> None:

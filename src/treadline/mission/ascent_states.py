@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from treadline.control.belt_allocation import inner_speed_ratio
 from treadline.control.crest_sequence import Crest, CrestCommand
-from treadline.control.flipper import LIES_RAD, OFF_RAD, OVER_BELTS_RAD, PATIENCE_S, SLOW_M_S, THERE_RAD
+from treadline.control.flipper import GENTLY_RAD_S, LIES_RAD, OFF_RAD, OVER_BELTS_RAD, PATIENCE_S, SLOW_M_S, THERE_RAD, UNLOADED_N
 from treadline.core.angles import DEG
 from treadline.core.signals import HeadingEstimate, ImuSample, MotionPlan, TrackReading
 from treadline.estimation.stair_tracker import NEAR_M, Side
@@ -27,7 +27,7 @@ from treadline.mission._situation import (
 from treadline.mission._traction_test import TractionTest
 from treadline.mission.mission_config import MissionConfig
 from treadline.mission.planner import PlannerInput
-from treadline.vehicle.traction import friction_needed
+from treadline.vehicle.traction import NORMAL_SLIP, friction_needed
 
 CREST_SPARE_RAD = 1.7 * DEG
 """Heading error that is not corrected over the crest [rad]. Only the gyro measures the heading there. A gyro drift of 1 °/s for six
@@ -40,6 +40,10 @@ UP = Way(direction="up", sign=1.0, rides_rad=-0.75 * DEG)
 spare."""
 
 
+PRESSES_RAD = -7.0 * DEG
+"""Flipper angle of a chair whose belts slip on the flight [rad]: the flipper takes a part of the weight onto the next nosings, the
+rear pulley another. On three steps of friction 0.36 the chair then rolls back by 0.05 m at most instead of 0.25 m; twice as low it
+catches a nosing with 7 m/s²."""
 PULSES = 2
 """Number of lost traction tests after which the chair backs off. One may be lost by chance: a belt that meets a step during the
 pulse loses a quarter of its speed."""
@@ -71,12 +75,16 @@ class Ascent(FlightSituation):
         """Whether the crest sequence has not lowered the flipper yet."""
         self._knows_the_foot = False
         """Whether the chair came onto this flight from the floor."""
+        self._presses = False
+        """Whether the chair stands and presses its flipper onto the nosings, because its belts slip."""
 
     def update(self, signal: PlannerInput) -> None:
         """Update the planner, and a running traction test, with one signal."""
         super().update(signal)
         if self._traction is not None and isinstance(signal, ImuSample | TrackReading):
             self._traction.update(signal)
+        if isinstance(signal, TrackReading) and signal.brake_on:
+            self._presses = False
 
     def step(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
         """Return the plan of this tick."""
@@ -206,8 +214,14 @@ class Ascent(FlightSituation):
         self._traction = None
 
     def back_off(self) -> MotionPlan:
-        """Backs down and off the flight: the flipper rides on the nosings, and is lifted before the rear reaches the floor."""
+        """Backs down and off the flight: the flipper rides on the nosings, and is lifted before the rear reaches the floor.
+
+        A flipper on which the chair leans, over the crest or where its belts slipped, is first lifted slowly.
+        """
         if self._before_m < -2.0 * self._pivot_m - self._step_m:
+            leans = self._flipper is not None and self._flipper.angle_rad < self._lies_rad() - THERE_RAD
+            if leans:
+                return self.driving(0.0, 0.0, self._flipper_planner.to(self.t_s, self._lies_rad(), lifts_rad_s=GENTLY_RAD_S))
             return self.driving(-SLOW_M_S, self._steering(), self._lie())
         flipper = self._flipper_planner.to(self.t_s, self._stepping_rad)
         return self.driving(-SLOW_M_S, self._level.keep(self._estimate), flipper)
@@ -228,9 +242,30 @@ class Ascent(FlightSituation):
 
     # --- on the flight
 
+    def loses_grip(self) -> str | None:
+        """The belts slip under a square chair, which has stopped and pressed its flipper down; a re-arm goes on up.
+
+        All tracks slip that turn: a chair that starts on the flight, at any heading, is left to the guard.
+        """
+        is_straight = self._knows_the_foot and self._is_square() and self._command is None
+        self._presses |= is_straight and self._where.slip_m_s(self.t_s) > NORMAL_SLIP * self._config.climb_speed_m_s
+        if not self._presses:
+            return None
+        above_rad = 0.0 if self._flipper is None else max(self._flipper.angle_rad - PRESSES_RAD - THERE_RAD, 0.0)
+        if above_rad > 0.0 and not self._flipper_planner.is_late(self.t_s, above_rad):
+            return None
+        return f"the belts slip on the flight; {self._way_out}"
+
+    @property
+    def _way_out(self) -> str:
+        back = "send the chair back down, or " if self._knows_the_foot else ""
+        return f"{back}have the steps dried and re-arm it to go on up"
+
     def climb(self) -> MotionPlan:
-        """Climbs, steered by the heading controller; slowly before the crest."""
+        """Climbs, steered by the heading controller; slowly before the crest. Belts that slip stop."""
         command = self._command
+        if self._presses:
+            return self.driving(0.0, 0.0, self._flipper_planner.to(self.t_s, PRESSES_RAD))
         if command is not None and command.stage == "slow":
             plan = self.driving(command.speed_m_s, self._steering(blind=True), self._lie())
             return replace(plan, pitch_feedforward_m_s=self._pitch_feedforward())
@@ -299,7 +334,14 @@ class Ascent(FlightSituation):
     def is_barred(self) -> str | None:
         """The crossing cannot succeed."""
         command = self._stage_in("barred")
-        return None if command is None else f"{command.cause}: the chair stands before the crest"
+        return None if command is None else f"{command.cause}: the chair stands before the crest; {self._way_out}"
+
+    def turns_back(self) -> str | None:
+        """The crossing cannot succeed, the foot is known, and the flipper's motor works, for its tip carries load."""
+        command = self._stage_in("barred")
+        if command is None or not self._knows_the_foot or command.tip_n < UNLOADED_N:
+            return None
+        return f"{command.cause}: the chair goes back down; have the last step dried, or take another way"
 
     def lands(self) -> str | None:
         """The front has come down on the landing."""
@@ -383,6 +425,7 @@ STATES_UP: tuple[State[Ascent], ...] = (
             Ascent.is_sent_back: "back_off",
             Ascent.cannot_go_back: "hold",
             Ascent.is_barred_by_a_gap: "hold",
+            Ascent.loses_grip: "hold",
             Ascent.reaches_down: "crest",
         },
         begins=Ascent.forget_traction_test,
@@ -391,7 +434,13 @@ STATES_UP: tuple[State[Ascent], ...] = (
         "crest",
         Ascent.cross,
         limit_s=40.0,
-        exits={Ascent.cannot_go_back: "hold", Ascent.is_barred: "hold", Ascent.rides_again: "climb", Ascent.lands: "land"},
+        exits={
+            Ascent.cannot_go_back: "hold",
+            Ascent.turns_back: "back_off",
+            Ascent.is_barred: "hold",
+            Ascent.rides_again: "climb",
+            Ascent.lands: "land",
+        },
     ),
     State(
         "land",
