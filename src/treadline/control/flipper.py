@@ -204,6 +204,8 @@ class PitchCommand(Generic[StageT]):
     flipper: FlipperCommand
     tip_n: float
     """Load on the flipper's tip from motor torque [N]."""
+    is_unloaded: bool
+    """Whether nothing leans on the tip."""
     cause: str = ""
     """Reason for a retry or for stopping; otherwise empty."""
 
@@ -257,6 +259,7 @@ class Sequencer(ABC, Generic[StageT]):
             speed_m_s=belts,
             flipper=FlipperCommand(t_s=imu.t_s, rate_rad_s=self._rate.step(rate, dt_s)),
             tip_n=self._tip.load_n,
+            is_unloaded=self._tip.is_unloaded,
             cause=self._cause,
         )
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from treadline.control.belt_allocation import inner_speed_ratio
 from treadline.control.crest_sequence import Crest, CrestCommand
-from treadline.control.flipper import GENTLY_RAD_S, LIES_RAD, OFF_RAD, OVER_BELTS_RAD, PATIENCE_S, SLOW_M_S, THERE_RAD, UNLOADED_N
+from treadline.control.flipper import GENTLY_RAD_S, LIES_RAD, OFF_RAD, OVER_BELTS_RAD, PATIENCE_S, SLOW_M_S, THERE_RAD
 from treadline.core.angles import DEG
 from treadline.core.signals import HeadingEstimate, ImuSample, MotionPlan, TrackReading
 from treadline.estimation.stair_tracker import NEAR_M, Side
@@ -339,7 +339,7 @@ class Ascent(FlightSituation):
     def turns_back(self) -> str | None:
         """The crossing cannot succeed, the foot is known, and the flipper's motor works, for its tip carries load."""
         command = self._stage_in("barred")
-        if command is None or not self._knows_the_foot or command.tip_n < UNLOADED_N:
+        if command is None or not self._knows_the_foot or command.is_unloaded:
             return None
         return f"{command.cause}: the chair goes back down; have the last step dried, or take another way"
 

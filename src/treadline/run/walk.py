@@ -231,7 +231,8 @@ class _Walker:
         """Return the pose after a flipper has yielded that carries more than its motor can; the motor then pushes with all it has."""
         limit, bears = float(self._chair.torques_n_m[0]), pose
         self._is_stalled = self._flipper is not None and pose.torques_n_m[0] > limit
-        while self._flipper is not None and pose.torques_n_m[0] > limit and pose.angles_rad[0] < self._flipper.range_deg[1] * DEG:
+        highest_rad = math.inf if self._flipper is None else self._flipper.range_deg[1] * DEG
+        while self._is_stalled and pose.torques_n_m[0] > limit and pose.angles_rad[0] < highest_rad:
             pose, _ = self._chair.moved(self._ground, pose, pose.x_m, (pose.angles_rad[0] + YIELD_RAD,))
         if not self._is_stalled:
             return pose, fall

@@ -163,7 +163,7 @@ def settle(th: float, x: float, body: Any, weighs: Any, ground: Any) -> tuple[fl
                 else:
                     b = m
             return min(a, b), max(a, b), drop + abs(lever * (a - from_rad)), True
-        # A lever that shrinks is that of a part which leaves the ground within the step: it has lifted the chair, which does not fall.
+        # A lever that shrinks is that of a part which leaves the ground within the step: it lifted the chair, which does not fall.
         drop += abs(step) * min(abs(there), 0.5 * (abs(lever) + abs(there)))
         a, lever = b, there
     return a, a, drop, False
