@@ -1,6 +1,7 @@
 """``treadline check``: mechanical feasibility of a scenario."""
 
 from dataclasses import asdict, replace
+from pathlib import Path
 
 from treadline import api
 from treadline.cli._arguments import Set, set_values
@@ -8,13 +9,14 @@ from treadline.cli._output import Answer
 from treadline.core.errors import SettingsError
 
 
-def check(scenario: str | None = None, /, *, changes: Set = None, keys: bool = False) -> Answer:
+def check(scenario: str | None = None, /, *, changes: Set = None, plot: Path | None = None, keys: bool = False) -> Answer:
     """Check the feasibility of a scenario: track length, traction, stability, seat stroke, start pose and view of the stair.
 
     treadline check --keys > mine.toml
 
     Args:
         scenario: Scenario file, or the name of a shipped scenario.
+        plot: Figure to write (.svg, .png, .pdf): the chair at five places, margins, pitch rate and torque along its way.
         keys: List the shipped scenarios and all keys of a scenario with type, range, default and meaning, as a scenario file of
             the defaults, and exit.
     """
@@ -23,6 +25,10 @@ def check(scenario: str | None = None, /, *, changes: Set = None, keys: bool = F
     if scenario is None:
         raise SettingsError("check needs a scenario: a file, or the name of a shipped one; treadline check --keys lists both")
     report = api.check(scenario, set=set_values(changes))
+    if plot is not None:
+        from treadline.report.model_plots import save_figure
+
+        save_figure(report.plot(), plot)
     values = asdict(replace(report, walk=None))
     del values["walk"]
     return Answer(values=values, summary=str(report).splitlines(), code=0 if report.verdict == "go" else 1)

@@ -109,18 +109,18 @@ def write_result(folder: Path, result: Mapping[str, Any]) -> None:
     write_json(folder / "result.json", result)
 
 
-def write_series(folder: Path, columns: Mapping[str, Float[np.ndarray, " T"]]) -> None:
-    """Write columns at 10 Hz as CSV; NaN as an empty cell."""
+def write_series(folder: Path, columns: Mapping[str, Float[np.ndarray, " T"]], name: str = "series") -> None:
+    """Write columns as CSV, those of a run's ``series`` at 10 Hz; NaN as an empty cell."""
     names = list(columns)
-    rows = np.column_stack([columns[name][::SERIES_EVERY] for name in names])
+    rows = np.column_stack([columns[column][:: SERIES_EVERY if name == "series" else 1] for column in names])
     lines = [",".join(names)]
     lines += [",".join("" if value != value else f"{value:.6g}" for value in row) for row in rows.tolist()]  # noqa: PLR0124 - NaN
-    write_whole(folder / "series.csv", "\n".join(lines) + "\n")
+    write_whole(folder / f"{name}.csv", "\n".join(lines) + "\n")
 
 
-def read_series(folder: Path) -> dict[str, Float[np.ndarray, " T"]]:
+def read_series(folder: Path, name: str = "series") -> dict[str, Float[np.ndarray, " T"]]:
     """Return the columns written by ``write_series``."""
-    with (folder / "series.csv").open(encoding="utf-8") as file:
+    with (folder / f"{name}.csv").open(encoding="utf-8") as file:
         names = file.readline().strip().split(",")
         rows = np.genfromtxt(file, delimiter=",", filling_values=np.nan, ndmin=2)
     return {name: rows[:, i] for i, name in enumerate(names)}

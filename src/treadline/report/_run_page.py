@@ -24,6 +24,9 @@ from treadline.report.player_page import embedded, player_data
 from treadline.report.run_figure import single_run
 from treadline.report.side_view import SideViews
 from treadline.report.svg_figures import svg_of
+from treadline.report.walk_figure import walk_figure
+from treadline.vehicle.ground_profile import ground_profile
+from treadline.vehicle.rest_poses import rest_chair
 
 FLAGS = {"--json", "--quick", "--log-images", "--debug"}
 """Options that no value follows."""
@@ -54,10 +57,14 @@ def write_run_page(folder: Path) -> Recording:
     data = player_data(recording)
     phases = [(span.start_s, span.name) for span in recording.phases]
     svg = svg_of(single_run(series, phases, recording, seat_alone=result.seat is not None))
+    drawings = {"run": svg}
+    if (folder / "check.csv").exists() and recording.staircase is not None:
+        chair, ground = rest_chair(recording.chair, 0.0), ground_profile(recording.staircase).vertices
+        drawings["check"] = svg_of(walk_figure(ground, chair, read_series(folder, "check")))
     write_page(
         folder,
         "run.html.j2",
-        {"run": svg},
+        drawings,
         player=embedded(data, recording),
         missing=recording.missing,
         strip=film_strip(recording, data["images"]) if recording.has_poses else None,

@@ -15,18 +15,26 @@ from treadline.core.transfer_function import FrequencyResponse, TimeResponse
 from treadline.report import _model_figures as figures
 from treadline.report._model_runs import cut
 from treadline.report.labels import ColumnLabel, channel
+from treadline.report.walk_figure import walk_figure
+from treadline.vehicle.walk import Walk
 
 FORMATS = (".svg", ".png", ".pdf")
 
 
 @singledispatch
 def figure_of(item: object) -> Figure:
-    """Return the figure of a model, a response or a comparison.
+    """Return the figure of a model, a response, a comparison or a walk.
 
     Raises:
         TypeError: If the item is none of these.
     """
     raise TypeError(f"there is no figure of a {type(item).__name__}")
+
+
+@figure_of.register
+def _of_walk(walk: Walk) -> Figure:
+    """Return a walk: the chair at five places, and its course."""
+    return walk_figure(walk.ground, walk.chair, walk.columns)
 
 
 @figure_of.register
@@ -65,13 +73,23 @@ def write_comparisons(found: Mapping[str, Comparison], path: Path) -> None:
         SettingsError: If the suffix is that of no format that matplotlib writes.
         TreadlineError: If the file cannot be written.
     """
-    if path.suffix.lower() not in FORMATS:
-        raise SettingsError(f"{path}: unsupported figure format '{path.suffix}'; supported: {', '.join(FORMATS)}")
     figure = figures.several(
         {f"{Path(name).name}, {item.kind}": (item.t_s, cut(item.modelled, item.measured)[0]) for name, item in found.items()},
         next(iter(found.values())).measured,
         [channel(name) for name in next(iter(found.values())).percent],
     )
+    save_figure(figure, path)
+
+
+def save_figure(figure: Figure, path: Path) -> None:
+    """Write a figure in the format of the file's suffix.
+
+    Raises:
+        SettingsError: If the suffix is that of no format that matplotlib writes.
+        TreadlineError: If the file cannot be written.
+    """
+    if path.suffix.lower() not in FORMATS:
+        raise SettingsError(f"{path}: unsupported figure format '{path.suffix}'; supported: {', '.join(FORMATS)}")
     data = BytesIO()
     figure.savefig(data, format=path.suffix[1:].lower())
     write_whole(path, data.getvalue())

@@ -94,6 +94,8 @@ def write_run(
             blocks = replace(blocks, detector=WatchedDetector(blocks.detector, scene.saw))
         run = run_episode(setup, blocks=blocks, sink=scene, watch=ended)
     write_series(folder, series(run.trace, run.estimate_rad))
+    if setup.report.walk is not None and setup.seat_shift is None:
+        write_series(folder, setup.report.walk.columns, "check")
     write_result(folder, run.summary())
     return run
 

@@ -1,7 +1,7 @@
 """``treadline check``: whether a chair may climb a stair, judged by mechanics before any motion.
 
 ``Scenario, ChairDescription, MissionConfig -> CheckReport``. What a map or a data sheet excludes is refused at once; else the
-mission's planner walks the whole ground (``run.walk``), and a scenario is ``go`` exactly where that walk is quiet. Each refusal
+mission's planner walks the whole ground (``run.walker``), and a scenario is ``go`` exactly where that walk is quiet. Each refusal
 states its number and a remedy; a remedy against an unquiet walk has been walked.
 """
 
@@ -9,14 +9,16 @@ import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from treadline.core.angles import DEG, radians_hint
+from treadline.core.errors import SettingsError
 from treadline.core.printing import Printable
 from treadline.core.step_sizes import RISE_M, RUN_M, SINGLE_RISE_M
 from treadline.mission.mission_config import MissionConfig
-from treadline.run.walk import Stride, Walk, walk
+from treadline.run.walker import walk
 from treadline.scenario.chair import ChairDescription, Tracks
 from treadline.scenario.scenario import SEAT_SHIFT_M, Chair, Scenario, Stair
 from treadline.vehicle._start_checks import checked_start
@@ -30,6 +32,10 @@ from treadline.vehicle.start_pose import length_m
 from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD, Margins, sideways_margins
 from treadline.vehicle.tracks import minimum_track_length, nosings_touched, track_on_stair_m
 from treadline.vehicle.traction import friction_needed, friction_use, shortage
+from treadline.vehicle.walk import Stride, Walk
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 SEAT_RESERVE_RAD = 3.0 * DEG
 """Required range of the seat beyond the slope [rad]: the chair rocks over nosings."""
@@ -82,6 +88,16 @@ class CheckReport(Printable):
     and where the chair cannot stand there."""
     walk: Walk | None = None
     """The planner's way over the whole ground, for plots; None where the scenario is refused without it."""
+
+    def plot(self) -> "Figure":
+        """Return the figure of the walk: the chair at five places, and margins, pitch rate and torque along the way.
+
+        Raises:
+            SettingsError: If the scenario is refused for a reason that needs no walk.
+        """
+        if self.walk is None:
+            raise SettingsError(f"there is nothing to draw: {self.reasons[0]}")
+        return self.walk.plot()
 
     def printed(self) -> tuple[str, list[tuple[str, str]]]:
         """Return the verdict, the margins and the reasons."""

@@ -1,4 +1,4 @@
-"""Walk: the mission's planner drives a chair that rests on the ground at every instant, without a simulator of motion.
+"""Walker: the mission's planner drives a chair that rests on the ground at every instant, without a simulator of motion.
 
 ``Scenario, MissionConfig -> Walk``. The planner receives what an errorless camera, IMU and drives would report and moves belts and
 flipper; the chair follows its rest pose (``vehicle.rest_poses``), or falls where that vanishes. What a drive does slowly, and that
@@ -7,10 +7,8 @@ knows no lateral motion and no slip.
 """
 
 import math
-from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Float
 
 from treadline.core.angles import DEG
 from treadline.core.errors import MechanicsError
@@ -30,9 +28,10 @@ from treadline.plant.sensors.statistical_camera import StatisticalCamera
 from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription
 from treadline.scenario.scenario import Scenario
 from treadline.vehicle.ground_profile import ground_profile
-from treadline.vehicle.rest_poses import Fall, Ground, RestChair, RestPose, fall_to, rest_chair
+from treadline.vehicle.rest_poses import Fall, RestPose, fall_to, rest_chair
 from treadline.vehicle.staircase import as_designed
 from treadline.vehicle.start_pose import standing
+from treadline.vehicle.walk import Stride, Walk
 
 STEP_S, STILL_RAD_S = 0.05, 1.0 * DEG
 """Time between two poses while the chair turns [s]: 0.45° of pitch at the fastest that the planner turns it; twice as long, 2 cm of
@@ -41,65 +40,6 @@ LOOK_S = 0.4
 """Time between two maps [s]."""
 YIELD_RAD = 0.5 * DEG
 """Step by which a flipper yields whose motor is overloaded [rad]."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Stride:
-    """One instant of a walk."""
-
-    t_s: float
-    phase: str
-    pose: RestPose
-    rate_rad_s: float
-    """Pitch rate [rad/s], of a fall its end."""
-    fall: Fall | None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Walk:
-    """A chair's way over the whole ground, one instant after the other."""
-
-    ground: Ground = field(repr=False)
-    chair: RestChair = field(repr=False)
-    strides: tuple[Stride, ...] = field(repr=False)
-    end: str
-    """How it ended: ``arrived``, ``end_of_flight``, ``held``, ``refused``, ``tipped``, ``time_up``, or ``unquiet``."""
-    cause: str
-    """Why it ended there."""
-
-    @property
-    def fastest(self) -> Stride:
-        """Instant at which the chair turns fastest."""
-        return max(self.strides, key=lambda stride: stride.rate_rad_s)
-
-    @property
-    def least_front(self) -> Stride:
-        """Instant with the least margin to tipping over the front."""
-        return min(self.strides, key=lambda stride: stride.pose.front_margin_rad)
-
-    @property
-    def least_rear(self) -> Stride:
-        """Instant with the least margin to tipping over the rear."""
-        return min(self.strides, key=lambda stride: stride.pose.rear_margin_rad)
-
-    @property
-    def hardest(self) -> Stride:
-        """Instant at which the flipper's motor carries most."""
-        return max(self.strides, key=lambda stride: max(stride.pose.torques_n_m))
-
-    def columns(self) -> dict[str, Float[np.ndarray, " n"]]:
-        """Return place, pitch, pitch rate, margins, flipper angle and torque along the way, for plots."""
-        poses = [stride.pose for stride in self.strides]
-        return {
-            "t_s": np.array([stride.t_s for stride in self.strides]),
-            "x_m": np.array([pose.x_m for pose in poses]),
-            "pitch_rad": np.array([pose.pitch_rad for pose in poses]),
-            "rate_rad_s": np.array([stride.rate_rad_s for stride in self.strides]),
-            "front_margin_rad": np.array([pose.front_margin_rad for pose in poses]),
-            "rear_margin_rad": np.array([pose.rear_margin_rad for pose in poses]),
-            "flipper_rad": np.array([pose.angles_rad[0] for pose in poses]),
-            "torque_n_m": np.array([pose.torques_n_m[0] for pose in poses]),
-        }
 
 
 def walk(scenario: Scenario, chair: ChairDescription, mission: MissionConfig, *, until_rad_s: float = math.inf) -> Walk:

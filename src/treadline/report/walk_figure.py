@@ -1,0 +1,73 @@
+"""Figure of a walk: the chair at five places on the ground, and margins, pitch rate and torque along the way."""
+
+import math
+from collections.abc import Mapping
+
+import matplotlib as mpl
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from treadline.core.angles import DEG
+from treadline.report.svg_figures import BLUE, GREEN, GREY, ORANGE, RED, STYLE
+from treadline.vehicle.rest_poses import Ground, RestChair
+
+PLACES = 5
+"""Number of places at which the chair is drawn."""
+SIZE_IN = (8.0, 7.0)
+QUIET_DEG_S = 15.0
+"""Pitch rate of a quiet drive [°/s], as in ``check``."""
+
+Columns = Mapping[str, Float[np.ndarray, " n"]]
+
+
+@mpl.rc_context(STYLE)
+def walk_figure(ground: Ground, chair: RestChair, columns: Columns) -> Figure:
+    """Return the figure of a walk.
+
+    Args:
+        columns: As of ``Walk.columns``.
+    """
+    figure = Figure(figsize=SIZE_IN, layout="constrained")
+    side, margins, rates, torques = figure.subplots(4, 1, sharex=True, height_ratios=(2.4, 1.0, 1.0, 1.0))
+    x_m = columns["x_m"]
+    _draw_side(side, ground, chair, columns)
+    margins.plot(x_m, columns["front_margin_deg"], color=BLUE, label="front")
+    margins.plot(x_m, columns["rear_margin_deg"], color=ORANGE, label="rear")
+    margins.set(ylabel="margin [°]", ylim=(0.0, 40.0))
+    margins.legend(loc="upper right")
+    rates.plot(x_m, columns["rate_deg_s"], color=RED)
+    rates.axhline(QUIET_DEG_S, color=GREY, linestyle=":")
+    rates.set(ylabel="pitch rate [°/s]")
+    torques.plot(x_m, columns["torque_n_m"], color=GREEN)
+    for share in (0.7, 1.0):
+        torques.axhline(share * float(chair.torques_n_m[0]), color=GREY, linestyle=":")
+    torques.set(ylabel="flipper [N m]", xlabel="place of mid-track along the drive [m]")
+    return figure
+
+
+def _draw_side(axes: Axes, ground: Ground, chair: RestChair, columns: Columns) -> None:
+    """Draw the ground, and the chair at places that are evenly spaced along the way."""
+    x_m = columns["x_m"]
+    margin_m = 1.0
+    low, high = float(x_m.min()) - margin_m, float(x_m.max()) + margin_m
+    shown = (ground[:, 0] > low - 9.0) & (ground[:, 0] < high + 9.0)
+    axes.fill_between(ground[shown, 0], ground[shown, 1], ground[:, 1].min() - 0.3, color="#e4e0da", linewidth=0.0)
+    axes.plot(ground[shown, 0], ground[shown, 1], color=GREY)
+    for place in np.linspace(x_m[0], x_m[-1], PLACES):
+        k = int(np.argmin(np.abs(x_m - place)))
+        pitch, angle = columns["pitch_deg"][k] * DEG, columns["flipper_deg"][k] * DEG
+        for part in chair.parts:
+            _draw_capsule(axes, part, (x_m[k], columns["z_m"][k], pitch), angle)
+    axes.set(ylabel="height [m]", xlim=(low, high), aspect="equal", adjustable="datalim")
+
+
+def _draw_capsule(axes: Axes, part: Float[np.ndarray, " 7"], pose: tuple[float, float, float], angle_rad: float) -> None:
+    """Draw the outline of a part of the chair at a pose (x, z, pitch)."""
+    at_x, at_z, length, radius, offset, sign, joint = part.tolist()
+    turn = offset + (sign * angle_rad if joint >= 0.0 else 0.0)
+    arc = np.linspace(0.5 * math.pi, 1.5 * math.pi, 20)
+    local = np.concatenate([radius * np.exp(1j * arc), length + radius * np.exp(1j * (arc + math.pi))])
+    outline = pose[0] + 1j * pose[1] + np.exp(1j * pose[2]) * (at_x + 1j * at_z + np.exp(1j * turn) * local)
+    axes.fill(outline.real, outline.imag, facecolor="none" if joint < 0.0 else "#cfe3f2", edgecolor=BLUE, linewidth=1.0)
