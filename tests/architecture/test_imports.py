@@ -126,6 +126,12 @@ IDENTIFICATION_PAGE = tuple(
     f"report{name}" for name in ("", ".identification_page", "._model_figures", "._model_runs", "._html", ".labels", ".svg_figures")
 )
 """Modules of the report that draw the page of an identification."""
+PLANNERS = tuple(
+    name.removeprefix("treadline.")
+    for name in FILES
+    if name in ("treadline.plant", "treadline.plant.sensors") or name.startswith(("treadline.mission", "treadline.plant.sensors."))
+)
+"""Modules of the planner, and of the camera without images that a walk gives it."""
 LABORATORY = {"plant", "mission", "experiments", "report", "view"}
 """Packages that no analysis of one file needs."""
 SCRIPT = """
@@ -143,7 +149,7 @@ print(json.dumps([code, [name for name in sys.modules if name.split(".")[0] == "
         ("identify record.csv --method okid-era --no-page --out model.json", 7270, ()),
         ("identify record.csv --method okid-era --out paged.json", 8300, IDENTIFICATION_PAGE),
         ("tune model.json --out controller.json", 3320, ()),
-        ("check paper-28", 3980, ()),
+        ("check paper-28", 15400, PLANNERS),
     ],
     ids=lambda value: str(value).split(" --")[0],
 )

@@ -88,7 +88,7 @@ class Script:
         stage: Any = self.stages[min(self.steps // 10, len(self.stages) - 1)]
         self.steps += 1
         still = FlipperCommand(t_s=imu.t_s, rate_rad_s=0.0)
-        return CrestCommand(t_s=imu.t_s, stage=stage, speed_m_s=self.SPEED_M_S, flipper=still, tip_n=90.0)
+        return CrestCommand(t_s=imu.t_s, stage=stage, speed_m_s=self.SPEED_M_S, flipper=still, tip_n=90.0, is_unloaded=False)
 
 
 def rising_by(rise_m: float, until_m: float = 0.0) -> Callable[[StairMap], StairMap]:

@@ -92,4 +92,4 @@ class Script:
         stage: Any = self.stages[min(self.steps // 10, len(self.stages) - 1)] if near else "approach"
         self.steps += near
         still = FlipperCommand(t_s=imu.t_s, rate_rad_s=0.1)
-        return EdgeCommand(t_s=imu.t_s, stage=stage, speed_m_s=-0.1, flipper=still, tip_n=90.0)
+        return EdgeCommand(t_s=imu.t_s, stage=stage, speed_m_s=-0.1, flipper=still, tip_n=90.0, is_unloaded=False)

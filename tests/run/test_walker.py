@@ -41,7 +41,7 @@ def test_the_pitch_of_a_drive_is_that_of_its_rest_poses(name: str, tmp_path: Pat
     assert run.verdict == "arrived"
     drive = read_recording(tmp_path / "run")
     chair = rest_chair(scenario.read_chair(), scenario.chair.payload_kg)
-    ground = ground_profile(as_designed(scenario.stair, scenario.step)).vertices
+    ground = ground_profile(as_designed(scenario.stair, scenario.step))
     kept = np.flatnonzero(np.isfinite(drive.flipper_rad))[::5]
     places, angles = drive.p_WB[kept, 0].tolist(), drive.flipper_rad[kept].tolist()
     pose = chair.at(ground, places[0], (angles[0],), 0.0)

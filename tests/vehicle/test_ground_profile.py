@@ -32,7 +32,7 @@ def test_polyline_is_as_high_as_the_solids(name: str) -> None:
     ground = ground_profile(staircase)
     # No place is within 1 mm of a riser. The hole of a missing step has no solid close below the tread before it.
     x_m = np.arange(-1.003, staircase.steps[-1].x_m + 1.0, 0.01)
-    z_m = np.interp(x_m, ground.x_m + 1e-9 * np.arange(len(ground.x_m)), ground.z_m)
+    z_m = np.interp(x_m, ground[:, 0] + 1e-9 * np.arange(len(ground[:, 0])), ground[:, 1])
     points = np.column_stack([x_m, np.zeros_like(x_m), np.full_like(x_m, 9.0)])
     tops_m = ground_m(stair_surfaces(staircase), points)
     there = tops_m > z_m - 0.2
@@ -43,9 +43,9 @@ def test_polyline_is_as_high_as_the_solids(name: str) -> None:
 def test_polyline_of_sloped_treads_rises_to_the_back_of_each() -> None:
     scenario = Scenario.model_validate({"stair": {"steps": 2, "run_m": 0.3}, "step": [{"index": 0, "tread_slope_deg": 5.0}]})
     ground = ground_profile(as_designed(scenario.stair, scenario.step))
-    assert ground.z_m[3] - ground.z_m[2] == pytest.approx(0.3 * np.tan(np.radians(5.0)))
+    assert ground[:, 1][3] - ground[:, 1][2] == pytest.approx(0.3 * np.tan(np.radians(5.0)))
 
 
 def test_floor_and_landing_are_as_long_as_the_simulated_floor() -> None:
     ground = ground_profile(as_designed(Scenario.model_validate({"stair": {"landing_m": 1.0}}).stair))
-    assert (ground.x_m[0], ground.x_m[-1] - ground.x_m[-2]) == pytest.approx((-6.0, 6.0))
+    assert (ground[:, 0][0], ground[:, 0][-1] - ground[:, 0][-2]) == pytest.approx((-6.0, 6.0))

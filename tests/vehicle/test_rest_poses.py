@@ -26,7 +26,7 @@ RESOLVED_RAD = 0.005 * DEG
 
 def flight(rise_m: float = 0.16, run_m: float = 0.30, steps: int = 8) -> np.ndarray:
     stair = Stair(rise_m=rise_m, run_m=run_m, steps=steps, nosing_radius_m=0.002)
-    return ground_profile(build_staircase(stair, np.random.default_rng(0))).vertices
+    return ground_profile(build_staircase(stair, np.random.default_rng(0)))
 
 
 def driven(chair: RestChair, ground: np.ndarray, start_m: float, end_m: float, angle_rad: float) -> list:

@@ -14,8 +14,8 @@ from treadline.run.resolve import checked as check
 from treadline.run.resolve import ready
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario
-from treadline.vehicle._start_checks import PlacedPart, depth_of_overlap
 from treadline.vehicle.stair_solids import Box
+from treadline.vehicle.start_checks import PlacedPart, depth_of_overlap
 
 CHAIR = read_chair("wheelchair")
 

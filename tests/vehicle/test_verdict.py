@@ -110,7 +110,7 @@ def test_a_proposed_seat_shift_makes_the_walk_quiet(direction: str, ahead_m: flo
 
 
 def test_the_stair_that_tipped_the_chair_is_refused_with_the_moment_at_which_it_tips() -> None:
-    """Test: two steps of 150 by 500 mm down, from which a chair tipped at 29.6°/s that was told go. Expected result: refused: the
+    """Test: two steps of 150 by 500 mm down, from which a chair tipped at 29.6°/s after a go. Expected result: refused: the
     planner lifts the flipper before the weight passes the lower nosing; up the same steps it goes."""
     stair = {"rise_m": 0.15, "run_m": 0.50, "steps": 2}
     report = judge(stair=stair, **UP_AND_DOWN["down"])

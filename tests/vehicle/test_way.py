@@ -12,7 +12,7 @@ from treadline.scenario.scenario import Scenario
 from treadline.vehicle.ground_profile import ground_profile
 from treadline.vehicle.rest_poses import rest_chair
 from treadline.vehicle.staircase import as_designed
-from treadline.vehicle.way import Way, find_way
+from treadline.vehicle.way import PlannedWay, find_way
 
 RANGE_RAD = (-75.0 * DEG, 60.0 * DEG)
 HALF_M, REST_RAD = 0.475, 40.0 * DEG
@@ -32,12 +32,12 @@ GROUNDS: dict[str, dict[str, Any]] = {
 def grounds_of(tables: dict[str, Any], off: tuple[tuple[float, float], ...] = ()) -> list[np.ndarray]:
     """Return the ground, and others whose last step is longer and higher by so much."""
     scenario = Scenario.model_validate(tables)
-    ground = ground_profile(as_designed(scenario.stair, scenario.step)).vertices
+    ground = ground_profile(as_designed(scenario.stair, scenario.step))
     last = np.arange(len(ground)) >= len(ground) - 3
     return [ground, *(ground + last[:, None] * np.array([along, up, 0.0]) for along, up in off)]
 
 
-def way_over(tables: dict[str, Any], *, down: bool, begin_m: float = 0.6, payload_kg: float = 60.0, **options: Any) -> Way:
+def way_over(tables: dict[str, Any], *, down: bool, begin_m: float = 0.6, payload_kg: float = 60.0, **options: Any) -> PlannedWay:
     grounds = grounds_of(tables, options.pop("off", ()))
     chair, ground = rest_chair(CHAIR, payload_kg), grounds[0]
     top_m = float(ground[-2, 0])

@@ -16,10 +16,10 @@ from treadline.plant.sensors.camera.solids import solids_of
 from treadline.run.resolve import checked as check
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario, Stair
-from treadline.vehicle._start_checks import deepest_overlap, placed_parts
 from treadline.vehicle.bodies import vehicle
 from treadline.vehicle.stair_solids import stair_boxes, stair_solids, stair_surfaces
 from treadline.vehicle.staircase import Staircase, Winders, as_designed
+from treadline.vehicle.start_checks import deepest_overlap, placed_parts
 from treadline.vehicle.start_pose import standing
 
 KEYS: dict[str, Any] = {"rise_m": 0.16, "run_m": 0.30, "steps": 9, "width_m": 1.2, "landing_m": 3.0, "winders": 3}

@@ -48,7 +48,8 @@ land on it with 2.6 to 2.8 m/s² at the passenger. At twice the lag its centre o
 does not show that: a tip pushed forward over ground with high friction stands by friction, with almost no motor torque (36 to 45°
 below horizontal, friction 0.7 to 1)."""
 LIES_S = 1.0
-"""Time nearly horizontal with an unloaded tip after which the belts lie on the landing [s], despite the error of gravity."""
+"""Time nearly horizontal, at a kerb at half of its own pitch, with an unloaded tip after which the belts lie on the landing [s],
+despite the error of gravity."""
 
 
 LEAD_M_S = 0.03
@@ -100,7 +101,7 @@ class Crest(Sequencer[Stage]):
                 self._lead_from_m = max(beyond, 0.0) + PLACE_M
             case "carry" | "lead" if pitch < LIES_RAD:
                 self._stage = "land"
-            case "lead" if pitch < SMALL_RAD and self._tip.unloaded_s > LIES_S:
+            case "lead" if pitch < min(SMALL_RAD, 0.5 * self._lies()[0]) and self._tip.unloaded_s > LIES_S:
                 self._stage = "land"
             case "land" if self._edge_past_m > 2.0 * self._geometry.pivot_m:
                 self._stage = "done"

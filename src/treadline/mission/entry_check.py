@@ -12,14 +12,11 @@ from treadline.estimation.known_nosings import SIGMAS
 from treadline.scenario.chair import ChairDescription
 from treadline.vehicle.linkage import SeatLinkage
 from treadline.vehicle.rest_poses import rest_chair
-from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD
+from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD, UNKNOWN_RAD
 from treadline.vehicle.tracks import minimum_track_length, track_on_stair_m
 
 MEASURED_RAD = 1.0 * DEG
 """Reserve for the error of the measured slope [rad]: three standard deviations."""
-UNKNOWN_RAD = 5.0 * DEG
-"""Reserve of the tip-over margin for quantities that are not measured [rad]: a passenger 5 cm further back than assumed costs four
-degrees. ``check`` knows the place of the passenger and requires the whole margin."""
 MEASURED_M = 0.01
 """Reserve for the error of the measured nosing distance [m]."""
 ELLIPSE = tuple((math.cos(turn), math.sin(turn)) for turn in (k * math.tau / 16 for k in range(16)))

@@ -59,7 +59,7 @@ def write_run_page(folder: Path) -> Recording:
     svg = svg_of(single_run(series, phases, recording, seat_alone=result.seat is not None))
     drawings = {"run": svg}
     if (folder / "check.csv").exists() and recording.staircase is not None:
-        chair, ground = rest_chair(recording.chair, 0.0), ground_profile(recording.staircase).vertices
+        chair, ground = rest_chair(recording.chair, 0.0), ground_profile(recording.staircase)
         drawings["check"] = svg_of(walk_figure(ground, chair, read_series(folder, "check")))
     write_page(
         folder,

@@ -21,15 +21,15 @@ from treadline.mission.mission_config import MissionConfig
 from treadline.run.walker import walk
 from treadline.scenario.chair import ChairDescription, Tracks
 from treadline.scenario.scenario import SEAT_SHIFT_M, Chair, Scenario, Stair
-from treadline.vehicle._start_checks import checked_start
 from treadline.vehicle.bodies import centre_of_mass, oversized_lugs
 from treadline.vehicle.climb import Climb, climb_of
 from treadline.vehicle.linkage import SeatLinkage
 from treadline.vehicle.loading import Loading
 from treadline.vehicle.rest_poses import rest_chair
 from treadline.vehicle.staircase import as_designed
+from treadline.vehicle.start_checks import checked_start
 from treadline.vehicle.start_pose import length_m
-from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD, Margins, sideways_margins
+from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD, UNKNOWN_RAD, Margins, sideways_margins
 from treadline.vehicle.tracks import minimum_track_length, nosings_touched, track_on_stair_m
 from treadline.vehicle.traction import friction_needed, friction_use, shortage
 from treadline.vehicle.walk import Stride, Walk
@@ -49,6 +49,8 @@ SIDES = ("uphill", "downhill", "left", "right")
 """Directions of tipping."""
 QUIET_RAD_S = 15.0 * DEG
 """Pitch rate of a quiet drive [rad/s]: the planner turns a chair at 9°/s, and half as much again remains for nosings."""
+LEAST_RAD = MARGIN_LIMIT_RAD - UNKNOWN_RAD
+"""Least tip-over margin on the way [rad]."""
 SHIFTS_M = (0.02, -0.02, 0.05, -0.05, 0.1, -0.1)
 """Shifts of the seat that are tried as a remedy [m]."""
 END_CLEAR_M = 0.40
@@ -218,6 +220,12 @@ def _fault_of(walked: Walk) -> str | None:
     last, fastest = walked.strides[-1], walked.fastest
     if fastest.rate_rad_s >= QUIET_RAD_S:
         return f"{_where(walked, fastest)} the chair would turn at {fastest.rate_rad_s / DEG:.0f}°/s, above {QUIET_RAD_S / DEG:g}"
+    front, rear = walked.least_front, walked.least_rear
+    side, least, margin_rad = min(
+        ("front", front, front.pose.front_margin_rad), ("rear", rear, rear.pose.rear_margin_rad), key=lambda item: item[2]
+    )
+    if margin_rad < LEAST_RAD:
+        return f"{_where(walked, least)} {margin_rad / DEG:.1f}° are left to tipping over the {side}, below {LEAST_RAD / DEG:g}°"
     if walked.end in ("held", "refused", "tipped"):
         return f"{_where(walked, last)}: {walked.cause}"
     return None

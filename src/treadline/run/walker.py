@@ -62,7 +62,7 @@ class _Walker:
         load = scenario.chair
         self._chair = rest_chair(chair, load.payload_kg, offset_m=load.payload_offset_m, seat_shift_m=load.seat_shift_m)
         staircase = as_designed(scenario.stair, scenario.step, scenario.sill)
-        self._ground = ground_profile(staircase).vertices
+        self._ground = ground_profile(staircase)
         self._end_x_m = staircase.flights[0][-1].x_m - 0.5 * chair.tracks.flat_run_m * math.cos(staircase.slope_rad)
         self._planner: Planner = planner_of(mission)
         camera = chair.camera_at(rear=mission.direction == "down")
@@ -168,7 +168,7 @@ class _Walker:
         return moved, _larger(fall, further)
 
     def _yielded(self, pose: RestPose, fall: Fall | None) -> tuple[RestPose, Fall | None]:
-        """Return the pose after a flipper has yielded that carries more than its motor can; the motor then pushes with all it has."""
+        """Return the pose after a flipper has yielded that carries more than its motor can: it pushes with all it has."""
         limit, bears = float(self._chair.torques_n_m[0]), pose
         self._is_stalled = self._flipper is not None and pose.torques_n_m[0] > limit
         highest_rad = math.inf if self._flipper is None else self._flipper.range_deg[1] * DEG

@@ -12,6 +12,9 @@ from treadline.scenario.chair import Point, Tracks
 
 MARGIN_LIMIT_RAD = 7.0 * DEG
 """Least accepted tip-over margin [rad]: the value of ISO 7176-24; conformity with the standard is not claimed."""
+UNKNOWN_RAD = 5.0 * DEG
+"""Reserve of the tip-over margin for quantities that are not measured [rad]: a passenger 5 cm further back than assumed costs four
+degrees. What is left of the limit with it must remain on the whole way."""
 ROCKING_M = 0.015
 """Largest gap between a nosing and the belts for the nosing to count as support [m]: the chair tips onto it within 1.5°."""
 TIP_GAP_M = 0.010

@@ -35,7 +35,7 @@ KEEPS_RAD = 5.0 * DEG
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Way:
+class PlannedWay:
     """Sequence of rest poses from the start to the end of a ground."""
 
     poses: tuple[RestPose, ...] = field(repr=False)
@@ -73,7 +73,7 @@ def find_way(
     goal_rad: tuple[float, float] | None = None,
     place_m: float = PLACE_M,
     angle_rad: float = ANGLE_RAD,
-) -> Way | None:
+) -> PlannedWay | None:
     """Return the cheapest way that holds on all grounds, or None.
 
     Args:
@@ -107,7 +107,7 @@ def _way(
     goal_rad: tuple[float, float],
     place_m: float,
     angle_rad: float,
-) -> Way | None:
+) -> PlannedWay | None:
     """Return the cheapest way with a share of the flipper's torque, or None."""
     places = _places(start.x_m, end_m, grounds[0], place_m)
     # The grid holds the angle at the start.
@@ -132,7 +132,7 @@ def _way(
     if not cost.size:
         return None
     poses = tuple(chair.at(grounds[0], float(x), (float(angle),), float(pitch)) for x, angle, pitch in rows[:, :3])
-    return Way(poses=poses, drops_m=rows[:, 3], unknown_m=rows[:, 4], cost_s=float(cost[0]))
+    return PlannedWay(poses=poses, drops_m=rows[:, 3], unknown_m=rows[:, 4], cost_s=float(cost[0]))
 
 
 def _places(start_m: float, end_m: float, ground: Ground, step_m: float) -> Float[np.ndarray, " n"]:

@@ -12,7 +12,7 @@ from treadline.vehicle.rest_pose_kernels import JUMP_RAD, RESTS, describe, follo
 BRANCHES = 3
 """Most rest poses of one place and flipper angle; more than three have not been seen."""
 SAME_RAD = math.radians(0.6)
-"""Pitches that are one rest pose [rad]: just above the least angle between two that ``rest_pose_kernels`` tells apart."""
+"""Pitches that are one rest pose [rad]: just below the least angle between two rest poses of a place."""
 GRAVITY_M_S2 = 9.81
 
 
