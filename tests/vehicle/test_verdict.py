@@ -114,7 +114,11 @@ def test_the_stair_that_tipped_the_chair_is_refused_with_the_moment_at_which_it_
     planner lifts the flipper before the weight passes the lower nosing; up the same steps it goes."""
     stair = {"rise_m": 0.15, "run_m": 0.50, "steps": 2}
     report = judge(stair=stair, **UP_AND_DOWN["down"])
-    assert_refused_only_for(report, "at nosing 0", "(leave)", "the chair would turn at", "above 15")
+    reason = assert_refused_only_for(report, "at nosing 0", "(leave)", "the chair would turn at", "above 15")
+    # A motion of the flipper that keeps it down would be quiet.
+    needed = re.search(r"a motion with (\d+) N m would be quiet", reason)
+    assert needed is not None
+    assert float(needed[1]) <= 0.95 * 200.0
     assert report.stability_margin_deg["downhill"] < 3.0
     assert judge(stair=stair, **UP_AND_DOWN["up"]).verdict == "go"
 

@@ -8,6 +8,7 @@ import pytest
 from chairs import CHAIR
 
 from treadline.core.angles import DEG
+from treadline.core.errors import MechanicsError
 from treadline.scenario.scenario import Scenario
 from treadline.vehicle.ground_profile import ground_profile
 from treadline.vehicle.rest_poses import rest_chair
@@ -113,3 +114,12 @@ def test_without_a_flipper_no_way_leads_quietly_over_a_crest() -> None:
     chair = rest_chair(CHAIR, 60.0)
     way = find_way(chair, [ground], chair.at(ground, -1.0, (REST_RAD,), 0.0), 2.2, (REST_RAD, REST_RAD))
     assert way is None or way.fall_m_s > 0.3
+
+
+def test_a_ground_that_is_not_a_number_is_an_error_in_one_line() -> None:
+    ground = grounds_of(GROUNDS["kerb"])[0]
+    chair = rest_chair(CHAIR, 60.0)
+    start = chair.at(ground, -1.0, (REST_RAD,), 0.0)
+    uncertain = ground + np.array([0.0, math.nan, 0.0])
+    with pytest.raises(MechanicsError, match="not a number; give metres"):
+        find_way(chair, [ground, uncertain], start, 1.0, RANGE_RAD)

@@ -33,6 +33,7 @@ from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD, UNKNOWN_RAD, Mar
 from treadline.vehicle.tracks import minimum_track_length, nosings_touched, track_on_stair_m
 from treadline.vehicle.traction import friction_needed, friction_use, shortage
 from treadline.vehicle.walk import Stride, Walk
+from treadline.vehicle.way import QUIET_M_S, find_way
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -88,6 +89,8 @@ class CheckReport(Printable):
     nosings_in_view: int | None = None
     """Number of nosings in view of the camera from the start, 0 where fewer than two are; None in open loop, which uses no camera,
     and where the chair cannot stand there."""
+    flipper_torque_n_m: float | None = None
+    """Largest torque that the flipper's motor bears on the way [N m]; None without a flipper or a walk."""
     walk: Walk | None = None
     """The planner's way over the whole ground, for plots; None where the scenario is refused without it."""
 
@@ -119,6 +122,7 @@ class CheckReport(Printable):
             ),
             ("tip-over margins", margins),
             ("seat", seat),
+            *([] if self.flipper_torque_n_m is None else [("flipper", f"{self.flipper_torque_n_m:.0f} N m at most")]),
             *([] if self.nosings_in_view is None else [("camera", f"nosings in view from the start: {self.nosings_in_view}")]),
             *(("reason", reason) for reason in self.reasons),
             *(("warning", warning) for warning in self.warnings),
@@ -183,6 +187,7 @@ def check(scenario: Scenario, chair: ChairDescription, mission: MissionConfig) -
         proposed_seat_shift_m=shift,
         warnings=_unit_warnings(scenario, chair),
         nosings_in_view=nosings_in_view,
+        flipper_torque_n_m=None if walked is None or chair.flipper is None else max(walked.hardest.pose.torques_n_m),
         walk=walked,
     )
 
@@ -212,7 +217,20 @@ def _unquiet(scenario: Scenario, chair: ChairDescription, mission: MissionConfig
     for remedy, changed, other, tuned, shift_m in _remedies(scenario, chair, mission):
         if _fault_of(walk(changed, other, tuned, until_rad_s=QUIET_RAD_S)) is None:
             return f"{why}; {remedy}", shift_m
-    return f"{why}; take another way", None
+    return f"{why}; {_by_another_motion(walked, chair)}take another way", None
+
+
+def _by_another_motion(walked: Walk, chair: ChairDescription) -> str:
+    """Return that another motion of the flipper would be quiet, with the torque it needs; empty if none would."""
+    if chair.flipper is None:
+        return ""
+    low_deg, high_deg = chair.flipper.range_deg
+    start, nosings = walked.strides[0].pose, walked.ground[walked.ground[:, 2] > 0.0, 0]
+    end_m = float(nosings[-1 if start.x_m < nosings[0] else 0]) + math.copysign(chair.reach_m, nosings.mean() - start.x_m)
+    way = find_way(walked.chair, [walked.ground], start, end_m, (low_deg * DEG, high_deg * DEG))
+    if way is None or way.margin_rad < LEAST_RAD or way.fall_m_s > QUIET_M_S:
+        return ""
+    return f"the planner's flipper is at fault, for a motion with {way.torque_n_m:.0f} N m would be quiet; "
 
 
 def _fault_of(walked: Walk) -> str | None:
@@ -227,7 +245,7 @@ def _fault_of(walked: Walk) -> str | None:
     if margin_rad < LEAST_RAD:
         return f"{_where(walked, least)} {margin_rad / DEG:.1f}° are left to tipping over the {side}, below {LEAST_RAD / DEG:g}°"
     if walked.end in ("held", "refused", "tipped"):
-        return f"{_where(walked, last)}: {walked.cause}"
+        return f"{_where(walked, last)}: {walked.cause.removesuffix('; take another way')}"
     return None
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.angles import DEG
+from treadline.core.errors import MechanicsError
 from treadline.scenario.chair import GRAVITY_M_S2
 from treadline.vehicle.rest_poses import Ground, RestChair, RestPose
 from treadline.vehicle.way_kernels import search
@@ -24,10 +25,11 @@ SPEED_M_S, FLIPPER_RAD_S, PITCH_RAD_S = 0.1, 16.0 * DEG, 9.0 * DEG
 """Belt speed [m/s], flipper rate and pitch rate [rad/s] with which a move is timed: those of the planner near an edge."""
 ERROR_M = 0.05
 """Error of the centre of mass along the chair against which a pose is judged [m]: a passenger who leans."""
-PRICES = (400.0, 400.0, 0.02, 3000.0, 2.0, 6.0, 1.0)
-"""Prices [s], see ``way_kernels.search``. A fall from a tenth of a millimetre ends with the quiet speed of 0.02 m/s, a passenger of
-4 m/s² stops one from 1 mm: each costs more than any detour. Pitch above the steepest line, load on the tip, and motion have small
-prices, so that of equal ways the one with less of them is taken."""
+QUIET_M_S = 0.02
+"""Speed with which a fall may end that nobody feels [m/s]: of a tenth of a millimetre."""
+PRICES = (400.0, 400.0, QUIET_M_S, 3000.0, 2.0, 6.0, 1.0)
+"""Prices [s], see ``way_kernels.search``. A passenger of 4 m/s² stops a fall from 1 mm: it costs more than any detour. Pitch above
+the steepest line, load on the tip, and motion have small prices, so that of equal ways the one with less of them is taken."""
 TORQUE_SHARES = (0.7, 0.95)
 """Shares of the flipper's torque that a way may use: the second where none with the first keeps ``KEEPS_RAD``."""
 KEEPS_RAD = 5.0 * DEG
@@ -85,7 +87,12 @@ def find_way(
         goal_rad: Range of the flipper's angle at the end; any by default.
         place_m: Step of the place.
         angle_rad: Step of the flipper's angle.
+
+    Raises:
+        MechanicsError: If a ground holds a value that is not a number, or the chair cannot stand on a pose of the way.
     """
+    if not all(np.isfinite(ground).all() for ground in grounds):
+        raise MechanicsError("a place, height or radius of the ground is not a number; give metres")
     found = None
     for share in TORQUE_SHARES:
         way = _way(chair, grounds, start, end_m, range_rad, share, friction, goal_rad or range_rad, place_m, angle_rad)
