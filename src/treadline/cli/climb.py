@@ -7,7 +7,6 @@ from tempfile import TemporaryDirectory
 from treadline import api
 from treadline.cli._arguments import Force, PlantName, Set, choice, claim, set_values
 from treadline.cli._output import Answer, SimulatedTime
-from treadline.cli.compile import report_compiling
 from treadline.core.errors import SettingsError
 
 
@@ -58,7 +57,6 @@ def climb(
             )
         choice("suffix of --picture", picture.suffix, (".webp", ".gif"))
         claim(picture, force=force, kind="file", option="--picture")
-    report_compiling()
     with TemporaryDirectory() as images, SimulatedTime("climb") as progress:
         run = api.climb(
             scenario,

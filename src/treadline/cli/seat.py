@@ -4,7 +4,6 @@ from pathlib import Path
 
 from treadline.cli._arguments import Force, claim
 from treadline.cli._output import Answer
-from treadline.cli.compile import report_compiling
 
 
 def seat(scenario: str, /, *, out: Path, seed: int = 0, force: Force = False) -> Answer:
@@ -21,7 +20,6 @@ def seat(scenario: str, /, *, out: Path, seed: int = 0, force: Force = False) ->
     from treadline.scenario.scenario import read_scenario
 
     claim(out, force=force)
-    report_compiling()
     levelled = level_seat(out, seed, read_scenario(scenario))
     settle = levelled["settle_s"]
     settled = "did not settle" if settle is None else f"within 1° of level after {settle:.1f} s"

@@ -6,7 +6,6 @@ from pathlib import Path
 from treadline.cli._arguments import Force, Set, claim, set_values
 from treadline.cli._output import Answer, say
 from treadline.cli._serving import serve
-from treadline.cli.compile import report_compiling
 
 
 def view(
@@ -58,7 +57,6 @@ def view(
     for option, given in (("--control", control), ("--set", changes)):
         if recorded and given:
             raise SettingsError(f"{option}: {target} is a recording, which nothing can change; name a scenario to run it live")
-    report_compiling()
     blocks = {"controller": controller, "detector": detector, "estimator": estimator}
     open_session = partial(open_recorded, target)
     if not recorded:
