@@ -54,7 +54,7 @@ LEFT = {
     "mount": "mount left with 0.4: set mount_yaw_deg in the camera file; pitch and roll are corrected while driving",
 }
 """Successors of verbs that left."""
-MODULES = {"model": "export", "record": "node", "report": "reproduce"}
+MODULES = {"demo": "view", "model": "export", "record": "node", "report": "reproduce", "seat": "climb"}
 """Module of a verb that shares the module of another verb."""
 FUNCTIONS = {"compile": "compile_"}
 """Function of a verb whose name Python uses itself."""

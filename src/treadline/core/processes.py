@@ -1,4 +1,4 @@
-"""Processes: Ctrl-C and requests to end as exceptions, number of workers, termination together with the parent process.
+"""Processes: Ctrl-C and requests to end as exceptions, number of workers, end with the parent process, real-time scheduling.
 
 An interrupt (SIGINT, SIGTERM) is never raised in the middle of a file record.
 """
@@ -8,12 +8,14 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from types import FrameType, TracebackType
 
 BURST_S = 0.2
 """Shortest interval between two interrupts [s]: further signals within it belong to the same key press or burst."""
+GUARD, LOOP = 2, 1
+"""Priorities: the least two of the system's, so that both run before every process without one, and the guard before the loop."""
 PR_SET_PDEATHSIG = 1
 """Option number of Linux ``prctl``: signal to the child at the death of its parent."""
 
@@ -115,3 +117,18 @@ def install_interrupts() -> None:
     """Install the SIGINT handler of this process, unless the signal is ignored (by the starting shell)."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, Interrupts())
+
+
+@contextmanager
+def real_time(priority: int) -> Iterator[str]:
+    """Run with real-time scheduling; yield what was granted, as words for the log."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    except (OSError, AttributeError) as error:
+        reason = getattr(error, "strerror", None) or "not of this system"
+        yield f"no real-time scheduling ({reason}): allow it by 'rtprio {GUARD}' in /etc/security/limits.conf, or CAP_SYS_NICE"
+        return
+    try:
+        yield f"real-time scheduling, SCHED_FIFO {priority}"
+    finally:
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
