@@ -45,18 +45,26 @@ _MODULE_OF = {
 __all__ = [*_MODULE_OF, "__version__"]  # noqa: PLE0604 - names are text
 
 
-_GONE = {
-    "core.model_methods": "treadline.core.models.LinearModel, which has the methods",
-    "errors": "treadline.core.errors",
-    "frames": "treadline.io.frames",
-    "models": "treadline.core.models",
-    "nodes": "treadline.ros",
-    "ros.zenoh": "the ROS 2 package treadline_ros2",
-    "vehicle.static_stability": "treadline.vehicle.rest_poses.RestChair.least_margins, treadline.vehicle.bodies.centre_of_mass",
-    "signals": "treadline.core.signals or treadline.core.camera_images",
-    "sim": "treadline.plant.mujoco",
+GONE = {
+    "treadline compare": "treadline identify MODEL... --on LOG",
+    "treadline mount": "mount_yaw_deg in the camera file; pitch and roll are corrected while driving",
+    "--transport zenoh": "ros2 launch treadline_ros2 graph.launch.xml; in one process: treadline nodes without --transport",
+    "treadline.core.model_methods": "treadline.core.models.LinearModel, which has the methods",
+    "treadline.errors": "treadline.core.errors",
+    "treadline.frames": "treadline.io.frames",
+    "treadline.models": "treadline.core.models",
+    "treadline.nodes": "treadline.ros",
+    "treadline.ros.zenoh": "the ROS 2 package treadline_ros2",
+    "treadline.vehicle.static_stability": "RestChair.least_margins in treadline.vehicle.rest_poses; treadline.vehicle.bodies",
+    "treadline.signals": "treadline.core.signals or treadline.core.camera_images",
+    "treadline.sim": "treadline.plant.mujoco",
 }
-"""Modules that left with version 0.4, and what to use instead; this table leaves with 0.5."""
+"""Verbs, options and modules that left with version 0.4, and what to use instead; this table leaves with 0.5."""
+
+
+def gone(*names: str) -> str | None:
+    """Return the answer to the first of some names that left; None if none did."""
+    return next((f"{name} left with treadline 0.4; use {GONE[name]}" for name in names if name in GONE), None)
 
 
 class _GoneModules:
@@ -69,9 +77,8 @@ class _GoneModules:
             ImportError: Always for these modules.
         """
         del path, target
-        package, _, name = fullname.partition(".")
-        if package == "treadline" and name in _GONE:
-            raise ImportError(f"{fullname} left with treadline 0.4; use {_GONE[name]}", name=fullname)
+        if left := gone(fullname):
+            raise ImportError(left, name=fullname)
 
 
 def _draw(item: Any) -> "Figure":

@@ -37,6 +37,7 @@ from treadline.experiments.plan import (
 )
 from treadline.identification import IdentificationOptions, identify
 from treadline.io.runs import COMPLETED
+from treadline.report.comparison import IMPULSE_S
 from treadline.run.excitation_run import PERIOD_S, excite
 from treadline.run.resolve import Opener, PlantName
 from treadline.scenario.scenario import Scenario
@@ -186,8 +187,6 @@ def ending(run: dict[str, Any]) -> str:
     return f"seed {run['seed']} {run['verdict']} after {run['duration_s']:.1f} s{cause}"
 
 
-IMPULSE_S = 20.0
-"""Duration of the drawn impulse response [s]; after the first second the integrator keeps its value."""
 AHEAD_S = 5.0
 """Horizon of the heading forecast [s]."""
 

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from treadline.core.models import ControllerDesign
 from treadline.experiments._job_pool import RunJob
-from treadline.experiments.plan import FIG10_SLOPE, ReproducePlan, turn, without_images
+from treadline.experiments.plan import FIG10_SLOPE, STARTS_DEG, ReproducePlan, turn, without_images
 from treadline.plant.mujoco import NOMINAL
 from treadline.scenario.scenario import Belts, Scenario, read_scenario
 
@@ -19,7 +19,6 @@ RUBBER_S = (0.5 * NOMINAL_RUBBER_S, NOMINAL_RUBBER_S, 2.0 * NOMINAL_RUBBER_S)
 """Contact time constants of the belts' rubber [s]: the nominal one between the ends of its bracket (``[belts] stiffness_s``)."""
 SMOOTH = Belts()
 LUGGED = {rubber_s: Belts(lug=LUG, stiffness_s=rubber_s) for rubber_s in RUBBER_S}
-START_DEG = 30
 TURN_S = 4.0
 """Duration of a turn [s]. The roll-back of a turn from 30° ends within 2 s; a longer run only adds nosings."""
 TRAVERSAL = "up-28"
@@ -44,7 +43,7 @@ SCORES = {
 
 def lugged_turn(slope_deg: int, belts: Belts) -> Scenario:
     """Return the turn from 30° on a slope, with the statistical camera."""
-    return without_images(turn(slope_deg, START_DEG, TURN_S)).model_copy(update={"belts": belts})
+    return without_images(turn(slope_deg, max(STARTS_DEG), TURN_S)).model_copy(update={"belts": belts})
 
 
 def lugged_traversal(belts: Belts) -> Scenario:
