@@ -17,7 +17,13 @@ from treadline.scenario.scenario import Chair, DriveSettings, Scenario, Sensors,
 SLOPES_DEG = tuple(dict.fromkeys(slope for slope, _ in paper.TABLE_II))
 STARTS_DEG = tuple(paper.TABLE_II_AVERAGE)
 TABLE_SPEED_M_S = 0.2
-
+PASSENGER = {
+    "passenger_m_s2": "passenger_max_m_s2",
+    "vertical_m_s2": "passenger_vertical_m_s2",
+    "longitudinal_m_s2": "passenger_longitudinal_m_s2",
+    "lateral_m_s2": "passenger_lateral_m_s2",
+}
+"""Run score of the passenger's acceleration that a key of ``results.json`` holds."""
 
 Friction = tuple[float, float]
 """Friction coefficients along the belt and across."""
