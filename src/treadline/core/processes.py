@@ -53,31 +53,27 @@ class Terminated(KeyboardInterrupt):
     """Request to end (SIGTERM): handled as Ctrl-C, with an exit code of its own."""
 
 
-class _Deferral:
-    """State of ``deferred`` in the main thread: nesting depth, and an interrupt received in the block."""
-
-    depth = 0
-    pending: KeyboardInterrupt | None = None
-
-
 def interrupt(error: KeyboardInterrupt) -> None:
     """Raise an interrupt in the main thread, now or at the end of the running ``deferred`` block."""
-    if _Deferral.depth:
-        _Deferral.pending = _Deferral.pending or error
+    if _BLOCK.depth:
+        _BLOCK.pending = _BLOCK.pending or error
         return
     raise error
 
 
 class _Block:
-    """Block of the main thread in which interrupts wait."""
+    """Block of the main thread in which interrupts wait: nesting depth, and an interrupt received in it."""
+
+    depth = 0
+    pending: KeyboardInterrupt | None = None
 
     def __enter__(self) -> None:
-        _Deferral.depth += 1
+        self.depth += 1
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        _Deferral.depth -= 1
-        if not _Deferral.depth and (pending := _Deferral.pending) is not None:
-            _Deferral.pending = None
+        self.depth -= 1
+        if not self.depth and (pending := self.pending) is not None:
+            self.pending = None
             raise pending
 
 
