@@ -21,10 +21,10 @@ from typing import Any
 import numpy as np
 
 from treadline.core.camera_images import NamedFrame, RgbdFrame
+from treadline.core.processes import LOOP, real_time
 from treadline.core.signals import FlipperReading, ImuSample, OperatorInput, SeatReading
 from treadline.hardware._arming import BenchSession
 from treadline.hardware._guard_client import GuardClient
-from treadline.hardware._real_time import LOOP, real_time
 from treadline.hardware._robot_plant import CameraThread
 from treadline.hardware.drive import Robot
 from treadline.hardware.ports import DriveLimits, DriveState

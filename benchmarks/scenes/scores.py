@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from treadline.core.arrays import NORMAL_95
 from treadline.core.errors import SettingsError
-from treadline.estimation._mount_monitor import NORMAL_95
 
 LEAST_SHARE = 0.15
 """Least share of the image covered by the stair for a rejection to count as a miss, as in docs/evidence/perception.md."""

@@ -18,6 +18,7 @@ import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from treadline.core.errors import gone
 from treadline.core.printing import Plottable
 
 if TYPE_CHECKING:
@@ -45,20 +46,6 @@ _MODULE_OF = {
 __all__ = [*_MODULE_OF, "__version__"]  # noqa: PLE0604 - names are text
 
 
-_GONE = {
-    "core.model_methods": "treadline.core.models.LinearModel, which has the methods",
-    "errors": "treadline.core.errors",
-    "frames": "treadline.io.frames",
-    "models": "treadline.core.models",
-    "nodes": "treadline.ros",
-    "ros.zenoh": "the ROS 2 package treadline_ros2",
-    "vehicle.static_stability": "treadline.vehicle.rest_poses.RestChair.least_margins, treadline.vehicle.bodies.centre_of_mass",
-    "signals": "treadline.core.signals or treadline.core.camera_images",
-    "sim": "treadline.plant.mujoco",
-}
-"""Modules that left with version 0.4, and what to use instead; this table leaves with 0.5."""
-
-
 class _GoneModules:
     """Finder that is asked last: importing a module that left is an error that names its successor."""
 
@@ -69,9 +56,8 @@ class _GoneModules:
             ImportError: Always for these modules.
         """
         del path, target
-        package, _, name = fullname.partition(".")
-        if package == "treadline" and name in _GONE:
-            raise ImportError(f"{fullname} left with treadline 0.4; use {_GONE[name]}", name=fullname)
+        if left := gone(fullname):
+            raise ImportError(left, name=fullname)
 
 
 def _draw(item: Any) -> "Figure":

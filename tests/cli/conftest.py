@@ -37,9 +37,7 @@ def assert_refused(outcome: Outcome, *words: str) -> None:
 
 
 @pytest.fixture
-def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
-    monkeypatch.setattr("treadline.cli.compile.LONG_S", 1e9)  # whether this machine has compiled before
-
+def run(capsys: pytest.CaptureFixture[str]) -> Run:
     def call(*arguments: object) -> Outcome:
         code = main([str(argument) for argument in arguments])
         captured = capsys.readouterr()

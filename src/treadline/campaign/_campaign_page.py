@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from treadline.campaign._draws import is_number
 from treadline.campaign._pool import BLOCK, VIEW, Row
 from treadline.campaign._results import ARRIVED, Frontier, flat, frontier_of, has_rms
 from treadline.core.files import write_whole
@@ -102,12 +103,12 @@ def thumbnail(row: Row, scenario: Scenario) -> str | None:
 
 def _chart(rows: Sequence[Row], drawn: Sequence[str], score: str) -> dict[str, Any] | None:
     """Return the scatter chart of the score over a drawn key, the slope if it varies; None if no drawn number varies."""
-    scored = [row for row in rows if _is_number(row.get(score))]
+    scored = [row for row in rows if is_number(row.get(score))]
     keys = ("stair.slope_deg", *drawn)  # the slope has the strongest effect on the verdict
-    key = next((key for key in keys if len({row[key] for row in scored if _is_number(row.get(key))}) > 1), None)
+    key = next((key for key in keys if len({row[key] for row in scored if is_number(row.get(key))}) > 1), None)
     if key is None:
         return None
-    shown = [row for row in scored if _is_number(row.get(key))]
+    shown = [row for row in scored if is_number(row.get(key))]
     titles = (_titled(key, key), _titled(score_name(score), score))
     return _scatter(shown, (key, score), titles, lambda verdict: 6.0 if verdict == "fell" else 3.0)
 
@@ -159,10 +160,6 @@ class _Axis:
 
 def _path(line: np.ndarray, axes: tuple[_Axis, _Axis]) -> str:
     return "M" + "L".join(f"{axes[0].place(x):.1f} {axes[1].place(y):.1f}" for x, y in line.tolist())
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _unit(key: str) -> str:

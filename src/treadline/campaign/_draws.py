@@ -136,7 +136,8 @@ def check_draw(draw: Draw, where: str) -> None:
     _check_when(draw.when, where)
 
 
-def _is_number(value: object) -> bool:
+def is_number(value: object) -> bool:
+    """Return whether a value is a number that a file can hold, and no truth value."""
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST
 
 
@@ -146,7 +147,7 @@ def _check_bound(bound: object, where: str) -> None:
             raise SettingsError(f"{where}: a bound is {bound}; it must be finite")
         return
     keys = set(bound) if isinstance(bound, Mapping) else set()
-    if not isinstance(bound, Mapping) or keys - {"plus"} != {"times", "of"} or not all(_is_number(bound[k]) for k in keys - {"of"}):
+    if not isinstance(bound, Mapping) or keys - {"plus"} != {"times", "of"} or not all(is_number(bound[k]) for k in keys - {"of"}):
         raise SettingsError(f'{where}: a bound must be a number, or {{ times = 1.1, of = "stair.tan_slope" }} (got {bound!r})')
     if bound["of"] not in DERIVED:
         check_path(str(bound["of"]), where)
@@ -169,7 +170,7 @@ def _check_when(when: object, where: str) -> None:
         if key not in DERIVED:
             check_path(key, f"{where}: when")
         bounds = condition if isinstance(condition, Mapping) else {"above": 0}
-        if not bounds or not set(bounds) <= {"above", "at_most"} or not all(map(_is_number, bounds.values())):
+        if not bounds or not set(bounds) <= {"above", "at_most"} or not all(map(is_number, bounds.values())):
             raise SettingsError(f"{where}: when {key}: give a value, a list of values, or above and at_most (got {condition!r})")
         if isinstance(condition, Mapping) and (key == LABEL or not isinstance(get_value({}, key), int | float)):
             raise SettingsError(f"{where}: when {key}: above and at_most need a numeric key")

@@ -24,11 +24,10 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from treadline.campaign._pool import BLOCK, TIMES, VIEW, Row
-from treadline.core.arrays import rms
+from treadline.core.arrays import CONFIDENCE, rms
 from treadline.core.files import written_whole
 from treadline.io.runs import COMPLETED
 
-CONFIDENCE = 0.95
 FAILED = ("fell", "diverged", "crashed", "error")
 """Verdicts that must not occur in a campaign."""
 NOT_SCORES = ("index", "seed", "events")

@@ -23,9 +23,10 @@ from treadline.campaign._cluster import Cluster
 from treadline.campaign._draws import LISTS
 from treadline.campaign._journal import Journal
 from treadline.campaign._pool import Episode, Pool, Row
-from treadline.campaign._results import CONFIDENCE, FAILED, flat, harm, has_rms, summarise, write_tables
+from treadline.campaign._results import FAILED, flat, harm, has_rms, summarise, write_tables
 from treadline.campaign._sobol_sampling import Sampling, budget, generation_size, points, run_seed, search
 from treadline.campaign.spec import SHAPE, Spec, scenario_toml
+from treadline.core.arrays import CONFIDENCE
 from treadline.core.errors import SettingsError
 from treadline.core.files import read_json, write_json, write_whole
 from treadline.io.runs import git_commit, write_manifest

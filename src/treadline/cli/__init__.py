@@ -14,6 +14,7 @@ import threading
 import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext, redirect_stderr, suppress
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated
 
@@ -23,7 +24,7 @@ from cyclopts import App, Group, Parameter
 from treadline import __version__
 from treadline.cli._arguments import check_whole_numbers
 from treadline.cli._output import Answer, start_line
-from treadline.core.errors import SimulationDiverged, TreadlineError
+from treadline.core.errors import SimulationDiverged, TreadlineError, gone
 from treadline.core.processes import Terminated, on_terminate
 
 AGAIN_S = 0.25
@@ -49,19 +50,10 @@ VERBS = {
     "Installation": ("doctor", "compile"),
 }
 """Verbs by the heading under which ``--help`` lists them."""
-LEFT = {
-    "compare": "compare is identify MODEL... --on LOG since 0.4",
-    "mount": "mount left with 0.4: set mount_yaw_deg in the camera file; pitch and roll are corrected while driving",
-}
-"""Successors of verbs that left."""
-MODULES = {"model": "export", "record": "node", "report": "reproduce"}
+MODULES = {"demo": "view", "model": "export", "record": "node", "report": "reproduce", "seat": "climb"}
 """Module of a verb that shares the module of another verb."""
 FUNCTIONS = {"compile": "compile_"}
 """Function of a verb whose name Python uses itself."""
-WITHOUT_ZENOH = (
-    "--transport zenoh has left; on ROS 2: ros2 launch treadline_ros2 graph.launch.xml; "
-    "in one process: treadline nodes without --transport"
-)
 GROUPS = {heading: Group(heading, sort_key=number) for number, heading in enumerate(VERBS)}
 for heading, verbs in VERBS.items():
     for verb in verbs:  # a verb's module is imported when the verb is run, or its help is shown
@@ -76,8 +68,6 @@ def _launch(
     json: Annotated[bool, Parameter(help="Print one JSON object and nothing else.", negative=())] = False,
     debug: Annotated[bool, Parameter(help="Show a traceback when something fails.", negative=())] = False,
 ) -> int:
-    if "--transport zenoh" in " ".join(tokens).replace("=", " "):
-        return _fail(WITHOUT_ZENOH, 2, debug=debug)
     try:
         answer = app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
     except cyclopts.CycloptsError as error:
@@ -117,8 +107,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _run(tokens: list[str]) -> int:
     verb = next((token for token in tokens if not token.startswith("-")), "")
-    if verb in LEFT:
-        return _fail(LEFT[verb], 2, debug=False)
+    words = " ".join(tokens).replace("=", " ").split()
+    if left := gone(f"treadline {verb}", *map(" ".join, pairwise(words))):
+        return _fail(left, 2, debug=False)
     try:
         code = app.meta(tokens, exit_on_error=False, print_error=False, result_action="return_value")
         if sys.stdout is not None:

@@ -1,4 +1,4 @@
-"""``treadline climb``: one traversal in closed loop."""
+"""``treadline climb`` and ``treadline seat``: one traversal in closed loop, and the seat alone."""
 
 from functools import partial
 from pathlib import Path
@@ -7,7 +7,6 @@ from tempfile import TemporaryDirectory
 from treadline import api
 from treadline.cli._arguments import Force, PlantName, Set, choice, claim, set_values
 from treadline.cli._output import Answer, SimulatedTime
-from treadline.cli.compile import report_compiling
 from treadline.core.errors import SettingsError
 
 
@@ -58,7 +57,6 @@ def climb(
             )
         choice("suffix of --picture", picture.suffix, (".webp", ".gif"))
         claim(picture, force=force, kind="file", option="--picture")
-    report_compiling()
     with TemporaryDirectory() as images, SimulatedTime("climb") as progress:
         run = api.climb(
             scenario,
@@ -106,3 +104,31 @@ def _write_film(images: Path, run: Path, picture: Path) -> None:
 
     taken = ((float(file.stem), Image.open(file)) for file in sorted(images.iterdir()))
     write_film(taken, read_recording(run), picture)
+
+
+def seat(scenario: str, /, *, out: Path, seed: int = 0, force: Force = False) -> Answer:
+    """Level the seat of a chair that stands on a flight, starting parallel to the chassis (Fig. 11).
+
+    The belts are stopped; the seat's loop is closed at t = 0. Exit code 1 if the seat does not settle within one degree.
+
+    Args:
+        scenario: Scenario file, or the name of a shipped scenario; only its stair and chair are used.
+        out: Run folder: log.mcap, series.csv, result.json, manifest.json.
+        seed: Random seed. The same seed gives byte-identical results.
+    """
+    from treadline.experiments.fig11 import level_seat
+    from treadline.scenario.scenario import read_scenario
+
+    claim(out, force=force)
+    levelled = level_seat(out, seed, read_scenario(scenario))
+    settle = levelled["settle_s"]
+    settled = "did not settle" if settle is None else f"within 1° of level after {settle:.1f} s"
+    return Answer(
+        values=levelled | {"run": str(out)},
+        summary=[
+            f"from {levelled['start_deg']:.1f}° {settled}; then {round(levelled['steady_error_deg'], 2) + 0.0:+.2f}° off on "
+            f"average, {levelled['max_error_deg']:.2f}° at most",
+            f"run folder: {out} (treadline report {out} draws it)",
+        ],
+        code=1 if settle is None else 0,
+    )

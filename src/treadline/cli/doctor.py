@@ -6,7 +6,6 @@ from importlib import metadata, util
 
 from treadline import __version__
 from treadline.cli._output import Answer
-from treadline.core.errors import TreadlineError
 
 PARTS = (
     ("mujoco-core", "mujoco", "the simulator: climb, excite, reproduce", "pip install mujoco-core"),
@@ -54,8 +53,9 @@ def _kernels() -> tuple[dict[str, bool], str]:
     from treadline.cli.compile import marker_path
 
     try:
-        is_compiled = marker_path().exists()
-    except (ImportError, TreadlineError):  # numba is among the missing parts, or has no folder for its files
+        marker = marker_path()
+        is_compiled = marker is not None and marker.exists()
+    except ImportError:  # numba is among the missing parts
         is_compiled = False
     said = "compiled for this machine" if is_compiled else "compiled when they are first called; once for all: treadline compile"
     return {"compiled": is_compiled}, f"  {'kernels':24} {said}"

@@ -4,7 +4,6 @@ from pathlib import Path
 
 from treadline.cli._arguments import Force, claim
 from treadline.cli._output import Answer, SimulatedTime
-from treadline.cli.compile import report_compiling
 
 LONGEST_S = 10.0
 """Longest sampling period [s]: the chair climbs two metres in it."""
@@ -43,7 +42,6 @@ def excite(
     from treadline.scenario.scenario import read_scenario
 
     claim(out, force=force)
-    report_compiling()
     fewest = fewest_samples(len(INPUTS), len(OUTPUTS))
     if samples < fewest:
         raise SettingsError(f"--samples is {samples}; treadline identify needs at least {fewest} of them")

@@ -4,7 +4,6 @@ from pathlib import Path
 
 from treadline.cli._arguments import Force, List, choice, claim, numbers
 from treadline.cli._output import Answer, Progress
-from treadline.cli.compile import report_compiling
 from treadline.core.errors import SettingsError
 
 
@@ -48,7 +47,6 @@ def frames(
     settings = Scenario() if scenario is None else read_scenario(scenario)
     known = (*SENSORS, "ideal")
     noise = None if sensor is None else choice("--sensor", sensor, known)
-    report_compiling()
     if force:
         remove(out, [path.name for path in out.glob("[0-9]*_*.png")])
     heading_rad = (limits[0] * DEG, limits[1] * DEG)

@@ -80,12 +80,12 @@ def node(
     setup = resolve(scenario, controller, seed, open_plant=plant)
     setup.require_controller()
     config = setup.mission
+    if name in driving_nodes(config.chair):
+        compile_once()  # a node that compiles while the graph runs is silent for seconds, for which the guard holds
     stop = stopping()
     with ExitStack() as opened:
         wire = opened.enter_context(closing(wired(name, config, remappings)))
         wire.spare = RECORDER_SPARE if name == "recorder" else 1
-        if name in driving_nodes(config.chair):
-            compile_once()  # a node that compiles while the graph runs is silent for seconds, for which the guard holds
         made = node_of(name, config, plant=setup.open_plant, out=out, goals=wait)
         if isinstance(made, PlantNode | RecorderNode):
             opened.callback(made.close)

@@ -7,7 +7,6 @@ from cyclopts import Parameter
 
 from treadline.cli._arguments import Force, claim
 from treadline.cli._output import Answer, SimulatedTime
-from treadline.cli.compile import report_compiling
 from treadline.core.errors import SettingsError
 
 
@@ -47,7 +46,6 @@ def replay(
         keys: List the keys of --set with defaults and meanings (of the log's run if a log is given) and exit.
         log_images: Keep the frames in the new log.
     """
-    report_compiling()
     if keys:
         return _keys(log)
     if log is None or out is None:

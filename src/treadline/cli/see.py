@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, get_args
 
 from treadline.cli._arguments import Force, List, check_times, choice, claim
 from treadline.cli._output import Answer
-from treadline.cli.compile import report_compiling
 from treadline.core.errors import SettingsError
 
 if TYPE_CHECKING:
@@ -102,7 +101,6 @@ def see(
     cloud_axes = None if axes is None else choice("--axes", axes, AXES)
     if (source is None) == (live is None):
         raise SettingsError("see needs one input: a file, a folder or a log, or --live CAMERA; treadline see --help shows examples")
-    report_compiling()
     if live is not None:
         given = {
             "--unit": unit,

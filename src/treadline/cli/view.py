@@ -1,4 +1,4 @@
-"""``treadline view``: a run in the browser, live or recorded."""
+"""``treadline view`` and ``treadline demo``: a run in the browser, live or recorded; the demo's at once."""
 
 from functools import partial
 from pathlib import Path
@@ -6,7 +6,6 @@ from pathlib import Path
 from treadline.cli._arguments import Force, Set, claim, set_values
 from treadline.cli._output import Answer, say
 from treadline.cli._serving import serve
-from treadline.cli.compile import report_compiling
 
 
 def view(
@@ -58,7 +57,6 @@ def view(
     for option, given in (("--control", control), ("--set", changes)):
         if recorded and given:
             raise SettingsError(f"{option}: {target} is a recording, which nothing can change; name a scenario to run it live")
-    report_compiling()
     blocks = {"controller": controller, "detector": detector, "estimator": estimator}
     open_session = partial(open_recorded, target)
     if not recorded:
@@ -84,3 +82,24 @@ def _exported(target: str, export: Path, *, force: bool) -> Answer:
         values={"file": str(export), "bytes": export.stat().st_size},
         summary=[f"{export}: {export.stat().st_size / 1e6:.1f} MB, plays in any browser without a network"],
     )
+
+
+def demo(*, host: str = "127.0.0.1", port: int | None = None, no_browser: bool = False, seconds: float | None = None) -> Answer:
+    """Watch a tracked chair climb a stair in the browser, within seconds.
+
+    The page plays a recorded climb of a stair of 28°: chair and stair in 3D, plots with the guard's limits, and phases with their
+    reasons. Meanwhile the simulator is compiled for this machine, once, in the background; then the button "Run it live" simulates
+    the same climb anew, with the camera's images. Next: treadline climb up-28 --out runs/first; treadline view runs/first.
+
+    Only this machine can open the page, by the printed address with its secret token. Without a browser the page is served all the
+    same.
+
+    Args:
+        host: Address to listen on. Any other than the default exposes the page to the network, in plain HTTP.
+        port: Port to listen on; 0 takes any free one. Default: the first free one from 8350 on.
+        no_browser: Print the address and open no browser.
+        seconds: Time after which the demo ends [s]. Default: until Ctrl-C.
+    """
+    from treadline.view.opening import LiveOffer, open_demonstration
+
+    return serve("demo", open_demonstration, host=host, port=port, no_browser=no_browser, seconds=seconds, offer=LiveOffer())

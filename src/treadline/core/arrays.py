@@ -10,6 +10,12 @@ from treadline.core.rotations import Vector3
 
 REAL = "biuf"
 """Dtype kinds of real numbers: boolean, signed and unsigned integer, floating point."""
+CONFIDENCE = 0.95
+"""Probability of an interval."""
+NORMAL_95 = 1.96
+"""Half width of a 95 % interval [standard deviations]."""
+BLOCK_ROWS = 65_536
+"""Number of rows that are processed at a time: 5 MB with ten columns, 12 MB of products with two inputs and all lags."""
 LARGEST = 2.0**53
 """Largest magnitude of a number in a file: double precision holds every integer up to here, and squares are far from overflow."""
 

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.special import chdtrc
 
-from treadline.core.arrays import markov_parameters, observability
+from treadline.core.arrays import BLOCK_ROWS, markov_parameters, observability
 from treadline.core.errors import PoorExcitation
 from treadline.core.linear_system_kernels import free_run, observer_run
 from treadline.core.state_space import RUN_VALUES, TEST_VALUES, InputOutputRecord, StateSpaceModel
@@ -22,8 +22,6 @@ PREFIX_VALUES = 3
 """Output values per state in the prefix, at least: three equations for each unknown."""
 TESTED_LAGS = 10
 """Number of lags over which residuals are tested."""
-BLOCK_ROWS = 65_536
-"""Number of rows of which products are formed at a time: 12 MB with two inputs and all lags."""
 
 
 def impulse_response(model: StateSpaceModel, steps: int) -> Float[np.ndarray, "steps p m"]:

@@ -1,4 +1,4 @@
-"""Processes: Ctrl-C and requests to end as exceptions, number of workers, termination together with the parent process.
+"""Processes: Ctrl-C and requests to end as exceptions, number of workers, end with the parent process, real-time scheduling.
 
 An interrupt (SIGINT, SIGTERM) is never raised in the middle of a file record.
 """
@@ -8,12 +8,14 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from types import FrameType, TracebackType
 
 BURST_S = 0.2
 """Shortest interval between two interrupts [s]: further signals within it belong to the same key press or burst."""
+GUARD, LOOP = 2, 1
+"""Priorities: the least two of the system's, so that both run before every process without one, and the guard before the loop."""
 PR_SET_PDEATHSIG = 1
 """Option number of Linux ``prctl``: signal to the child at the death of its parent."""
 
@@ -51,31 +53,27 @@ class Terminated(KeyboardInterrupt):
     """Request to end (SIGTERM): handled as Ctrl-C, with an exit code of its own."""
 
 
-class _Deferral:
-    """State of ``deferred`` in the main thread: nesting depth, and an interrupt received in the block."""
-
-    depth = 0
-    pending: KeyboardInterrupt | None = None
-
-
 def interrupt(error: KeyboardInterrupt) -> None:
     """Raise an interrupt in the main thread, now or at the end of the running ``deferred`` block."""
-    if _Deferral.depth:
-        _Deferral.pending = _Deferral.pending or error
+    if _BLOCK.depth:
+        _BLOCK.pending = _BLOCK.pending or error
         return
     raise error
 
 
 class _Block:
-    """Block of the main thread in which interrupts wait."""
+    """Block of the main thread in which interrupts wait: nesting depth, and an interrupt received in it."""
+
+    depth = 0
+    pending: KeyboardInterrupt | None = None
 
     def __enter__(self) -> None:
-        _Deferral.depth += 1
+        self.depth += 1
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        _Deferral.depth -= 1
-        if not _Deferral.depth and (pending := _Deferral.pending) is not None:
-            _Deferral.pending = None
+        self.depth -= 1
+        if not self.depth and (pending := self.pending) is not None:
+            self.pending = None
             raise pending
 
 
@@ -115,3 +113,18 @@ def install_interrupts() -> None:
     """Install the SIGINT handler of this process, unless the signal is ignored (by the starting shell)."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, Interrupts())
+
+
+@contextmanager
+def real_time(priority: int) -> Iterator[str]:
+    """Run with real-time scheduling; yield what was granted, as words for the log."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    except (OSError, AttributeError) as error:
+        reason = getattr(error, "strerror", None) or "not of this system"
+        yield f"no real-time scheduling ({reason}): allow it by 'rtprio {GUARD}' in /etc/security/limits.conf, or CAP_SYS_NICE"
+        return
+    try:
+        yield f"real-time scheduling, SCHED_FIFO {priority}"
+    finally:
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))

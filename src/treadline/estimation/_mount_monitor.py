@@ -19,12 +19,12 @@ from statistics import median
 import numpy as np
 
 from treadline.core.angles import DEG
+from treadline.core.arrays import NORMAL_95
 from treadline.core.camera_images import PinholeCamera, StairAxes
 from treadline.core.rotations import Vector3, rotation_of
 from treadline.core.signals import Event, ImuSample, TrackReading
+from treadline.core.step_sizes import ON_A_FLIGHT_RAD
 
-NORMAL_95 = 1.96
-"""Half width of a 95 % interval [sigma]."""
 REPORTED_RAD = 1.0 * DEG
 """Mount error above which the error is reported and corrected [rad]: the largest that is accepted silently. A roll of 1° turns the
 heading by sin(40°), 0.64°, with the shipped mount."""
@@ -160,8 +160,6 @@ planes in the depth image; not reduced by averaging."""
 MOUNT_GATE_RAD = 15.0 * DEG
 """Largest angle between a measured direction and its direction with the nominal mount [rad]; beyond it the IMU's axes are wrong, or
 the plane is not the stair's."""
-LEAST_SLOPE_RAD = 10.0 * DEG
-"""Least slope of a flight, for the comparison on the flight [rad]."""
 SLOPE_GATE_RAD = 3.0 * DEG
 """Largest difference between the slope by vision and by the IMU [rad]; beyond it the chair is not on the visible flight. Half a
 degree of tilt and a nosing 20 mm too high stay within the gate."""
@@ -281,7 +279,7 @@ class MountMonitor:
         seen_rad = math.acos(min(max(-float(axes.normal_C @ axes.down_C), -1.0), 1.0))
         if (
             self._standing
-            or seen_rad < LEAST_SLOPE_RAD
+            or seen_rad < ON_A_FLIGHT_RAD
             or abs(seen_rad - tilt_rad) > SLOPE_GATE_RAD
             or math.hypot(rate_B[0], rate_B[1]) > ROCKING_RAD_S
         ):

@@ -17,7 +17,7 @@ import numpy as np
 
 from treadline.core.signals import RECENT_DEPTH, ImuSample, Recent, StairMap, TrackReading
 from treadline.core.step_sizes import ON_A_FLIGHT_RAD
-from treadline.estimation._nosing_filter import CORRELATED_M, FlightShape, NosingDetection, NosingFilter
+from treadline.estimation._nosing_filter import CORRELATED_M, FlightShape, NosingFilter
 from treadline.estimation.known_nosings import KnownNosing, KnownNosings
 
 SAME = 0.5
@@ -394,7 +394,8 @@ class StairTracker:
                 number = self._filter.add((nosing.x_m, nosing.z_m))
                 self._nosings.append(nosing)
             shown.append((number, place))
-        self._filter.update(self._detections(shown), new=[number >= earlier for number, _ in shown])
+        detections = [(number, place, abs(self._nosings[number].x_m - self._x_m)) for number, place in shown]
+        self._filter.update(detections, new=[number >= earlier for number, _ in shown])
         for nosing, (x_m, z_m) in zip(self._nosings, self._filter.places_m.tolist(), strict=True):
             nosing.x_m, nosing.z_m = x_m, z_m
         for number, _ in shown:
@@ -434,9 +435,6 @@ class StairTracker:
         number = self._nosings.index(nosing)
         self._filter.remove(number)
         del self._nosings[number]
-
-    def _detections(self, shown: list[tuple[int, tuple[float, float]]]) -> list[NosingDetection]:
-        return [(number, place, abs(self._nosings[number].x_m - self._x_m)) for number, place in shown]
 
     def _nearest(self, place: tuple[float, float]) -> int | None:
         """Return the number of the nosing within half a pitch of a place by odometry, or None."""

@@ -24,6 +24,7 @@ from treadline.experiments._job_pool import RunJob
 from treadline.experiments.plan import (
     FIG10_SLOPE,
     PAPER_FRICTION,
+    PASSENGER,
     STARTS_DEG,
     Friction,
     Ground,
@@ -37,6 +38,7 @@ from treadline.experiments.plan import (
 )
 from treadline.identification import IdentificationOptions, identify
 from treadline.io.runs import COMPLETED
+from treadline.report.comparison import IMPULSE_S
 from treadline.run.excitation_run import PERIOD_S, excite
 from treadline.run.resolve import Opener, PlantName
 from treadline.scenario.scenario import Scenario
@@ -126,6 +128,11 @@ def table2(results: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return [_row(friction, slope, start, runs) for (friction, slope, start), runs in ordered]
 
 
+SLIP_AND_CONTACT = ("max_friction_use", "airborne_share", "max_contact_force_share", "unconverged_share")
+WORST = ("roll_back_m", "lateral_m", "seconds_below_7_deg", *SLIP_AND_CONTACT)
+"""Scores of which a row of Table II holds the largest of all runs."""
+
+
 def _row(friction: Friction, slope: int, start: int, runs: list[dict[str, Any]]) -> dict[str, Any]:
     """Return one row: headings of the completed runs alone, and the worst of the other scores over all seeds.
 
@@ -156,22 +163,13 @@ def _row(friction: Friction, slope: int, start: int, runs: list[dict[str, Any]])
         "averaged": len(completed),
         "ended_early": [ending(run) for run in runs if run not in completed],
         "paper_deg": paper.TABLE_II[(slope, start)],
-        "roll_back_m": worst("roll_back_m"),
-        "lateral_m": worst("lateral_m"),
+        **{score: worst(score) for score in WORST},
+        **{key: worst(score) for key, score in PASSENGER.items()},
         "settle_s": max(settled) if len(settled) == len(runs) else None,
         "steady_rms_heading_deg": mean("steady_rms_heading_deg"),
         "worst_steady_rms_heading_deg": max(of("steady_rms_heading_deg", completed), default=None),
-        "passenger_m_s2": worst("passenger_max_m_s2"),
-        "vertical_m_s2": worst("passenger_vertical_m_s2"),
-        "longitudinal_m_s2": worst("passenger_longitudinal_m_s2"),
-        "lateral_m_s2": worst("passenger_lateral_m_s2"),
         "margin_deg": margin,
-        "seconds_below_7_deg": worst("seconds_below_7_deg"),
         "min_stability_margin_deg": margin,
-        "max_friction_use": worst("max_friction_use"),
-        "airborne_share": worst("airborne_share"),
-        "max_contact_force_share": worst("max_contact_force_share"),
-        "unconverged_share": worst("unconverged_share"),
         "belt_force_n": worst("max_belt_force_n"),
         "belt_power_w": worst("peak_power_w"),
         "verdicts": sorted({run["verdict"] for run in runs}),
@@ -186,8 +184,6 @@ def ending(run: dict[str, Any]) -> str:
     return f"seed {run['seed']} {run['verdict']} after {run['duration_s']:.1f} s{cause}"
 
 
-IMPULSE_S = 20.0
-"""Duration of the drawn impulse response [s]; after the first second the integrator keeps its value."""
 AHEAD_S = 5.0
 """Horizon of the heading forecast [s]."""
 

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from treadline.core.models import ControllerDesign
 from treadline.experiments._job_pool import RunJob
-from treadline.experiments.plan import FIG10_SLOPE, ReproducePlan, turn, without_images
+from treadline.experiments.plan import FIG10_SLOPE, PASSENGER, STARTS_DEG, ReproducePlan, turn, without_images
 from treadline.plant.mujoco import NOMINAL
 from treadline.scenario.scenario import Belts, Scenario, read_scenario
 
@@ -19,32 +19,16 @@ RUBBER_S = (0.5 * NOMINAL_RUBBER_S, NOMINAL_RUBBER_S, 2.0 * NOMINAL_RUBBER_S)
 """Contact time constants of the belts' rubber [s]: the nominal one between the ends of its bracket (``[belts] stiffness_s``)."""
 SMOOTH = Belts()
 LUGGED = {rubber_s: Belts(lug=LUG, stiffness_s=rubber_s) for rubber_s in RUBBER_S}
-START_DEG = 30
 TURN_S = 4.0
 """Duration of a turn [s]. The roll-back of a turn from 30° ends within 2 s; a longer run only adds nosings."""
 TRAVERSAL = "up-28"
-SCORES = {
-    "rms_heading_deg": "rms_heading_deg",
-    "roll_back_m": "roll_back_m",
-    "passenger_m_s2": "passenger_max_m_s2",
-    "vertical_m_s2": "passenger_vertical_m_s2",
-    "longitudinal_m_s2": "passenger_longitudinal_m_s2",
-    "lateral_m_s2": "passenger_lateral_m_s2",
-    "pitch_rate_deg_s": "max_pitch_rate_deg_s",
-    "margin_deg": "min_stability_margin_deg",
-    "max_contact_force_share": "max_contact_force_share",
-    "duration_s": "duration_s",
-    "verdict": "verdict",
-    "cause": "cause",
-    "seed": "seed",
-    "run": "run",
-}
-"""Key of a row and the run score that it holds."""
+KEPT = ("rms_heading_deg", "roll_back_m", "max_contact_force_share", "duration_s", "verdict", "cause", "seed", "run")
+"""Run scores that a row holds under their own names."""
 
 
 def lugged_turn(slope_deg: int, belts: Belts) -> Scenario:
     """Return the turn from 30° on a slope, with the statistical camera."""
-    return without_images(turn(slope_deg, START_DEG, TURN_S)).model_copy(update={"belts": belts})
+    return without_images(turn(slope_deg, max(STARTS_DEG), TURN_S)).model_copy(update={"belts": belts})
 
 
 def lugged_traversal(belts: Belts) -> Scenario:
@@ -92,5 +76,6 @@ def _job(
 
 def rows(results: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Return one row per run; ``rubber_s`` is None with smooth belts, which have the nominal contact."""
-    labels = ("course", "slope_deg", "friction", "lug", "rubber_s")
-    return [{name: run[name] for name in labels} | {key: run[score] for key, score in SCORES.items()} for run in results]
+    kept = ("course", "slope_deg", "friction", "lug", "rubber_s", *KEPT)
+    named = PASSENGER | {"pitch_rate_deg_s": "max_pitch_rate_deg_s", "margin_deg": "min_stability_margin_deg"}
+    return [{name: run[name] for name in kept} | {key: run[score] for key, score in named.items()} for run in results]

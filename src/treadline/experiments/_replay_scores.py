@@ -17,6 +17,7 @@ from treadline.core.arrays import rms
 from treadline.core.camera_images import RgbdFrame
 from treadline.core.ports import Truth
 from treadline.core.signals import (
+    ROUNDING_S,
     TICK_S,
     Event,
     HeadingEstimate,
@@ -31,8 +32,6 @@ from treadline.run.recorded_run import PLAIN_SERIES, SERIES
 from treadline.run.run_scores import settling_time
 from treadline.vehicle.comfort import STEADY_FROM_S
 
-ROUNDING_TICKS = 1e-6
-"""Rounding error of a time stamp [ticks]."""
 SAME_S = 0.5 * TICK_S
 """Largest difference of two stamps of the same tick [s]."""
 
@@ -186,7 +185,7 @@ class ReplayScores:
             column.append(values.get(name, float("nan")))
         for seen in self._now:
             # A frame that arrives late measures the heading at its exposure.
-            row = math.ceil(seen.t_s / TICK_S - ROUNDING_TICKS)
+            row = math.ceil((seen.t_s - ROUNDING_S) / TICK_S)
             if 0 <= row <= self.ticks:
                 self._columns["seen_deg"][row] = seen.heading_rad / DEG
 

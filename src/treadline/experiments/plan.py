@@ -10,15 +10,20 @@ The seeds reported here were used for nothing else: weights and thresholds were 
 from dataclasses import dataclass, replace
 
 from treadline.core import paper
+from treadline.report.comparison import TILT_DEG
 from treadline.run.excitation_run import long_enough
 from treadline.scenario.scenario import Chair, DriveSettings, Scenario, Sensors, Stair, Start
 
 SLOPES_DEG = tuple(dict.fromkeys(slope for slope, _ in paper.TABLE_II))
 STARTS_DEG = tuple(paper.TABLE_II_AVERAGE)
 TABLE_SPEED_M_S = 0.2
-GRAVITY_ERROR_DEG = 0.5
-"""Tilt of the IMU's gravity direction in the reported runs [°]: typical of a low-cost IMU after calibration."""
-
+PASSENGER = {
+    "passenger_m_s2": "passenger_max_m_s2",
+    "vertical_m_s2": "passenger_vertical_m_s2",
+    "longitudinal_m_s2": "passenger_longitudinal_m_s2",
+    "lateral_m_s2": "passenger_lateral_m_s2",
+}
+"""Run score of the passenger's acceleration that a key of ``results.json`` holds."""
 
 Friction = tuple[float, float]
 """Friction coefficients along the belt and across."""
@@ -129,6 +134,6 @@ def _flight(slope_deg: int, *, heading_deg: float, duration_s: float, mismatch: 
         chair=Chair(payload_kg=paper.PAYLOAD_KG, belt_mismatch=mismatch),
         start=Start(place="flight", step=6, heading_deg=heading_deg),
         drive=DriveSettings(speed_m_s=TABLE_SPEED_M_S, duration_s=duration_s),
-        sensors=Sensors(gravity_error_deg=GRAVITY_ERROR_DEG),
+        sensors=Sensors(gravity_error_deg=TILT_DEG),
     )
     return long_enough(scenario, duration_s, spare_m=6.0)

@@ -55,10 +55,6 @@ def _angle_fault(name: str, angle_rad: float) -> str:
     return "" if abs(angle_rad) <= math.pi else f"has a {name} of {angle_rad / DEG:g}°"
 
 
-def _distance_fault(*distances_m: float) -> str:
-    return "" if all(abs(distance_m) <= SEEN_M for distance_m in distances_m) else "holds a distance that no camera measures"
-
-
 def _size_fault(text: str, limit: float, *values: float) -> str:
     """Return the text with the first value beyond a limit, or that is no number; empty if there is none."""
     return next((text.format(value) for value in values if not abs(value) <= limit), "")
@@ -88,8 +84,8 @@ def _frame_fault(quality: FrameQuality, _: GuardConfig) -> str:
 def _map_fault(stair: StairMap, _: GuardConfig) -> str:
     sides = (stair.left_wall_m, stair.right_wall_m, stair.left_edge_m, stair.right_edge_m, stair.left_seen_m, stair.right_seen_m)
     places = [value for place in stair.nosings_B for value in place]
-    known = [value for value in (stair.obstacle_m, *sides) if value is not None]
-    return _number_fault(stair.slope_rad) or _distance_fault(stair.rise_m, stair.run_m, *places, *known)
+    distances_m = [stair.rise_m, stair.run_m, *places, *(value for value in (stair.obstacle_m, *sides) if value is not None)]
+    return _number_fault(stair.slope_rad) or _size_fault("holds a distance that no camera measures", SEEN_M, *distances_m)
 
 
 def _ground_fault(ground: FreeGround, _: GuardConfig) -> str:

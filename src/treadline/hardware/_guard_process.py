@@ -15,11 +15,11 @@ from dataclasses import replace
 from typing import Any
 
 from treadline.core.errors import LinkError
+from treadline.core.processes import GUARD, real_time
 from treadline.core.signals import TICK_S, Event, HeadingEstimate, OperatorInput, TrackCommand
 from treadline.guard import SILENCE_S, Guard
 from treadline.hardware._links import Links, open_links
 from treadline.hardware._process_messages import received, send
-from treadline.hardware._real_time import GUARD, real_time
 from treadline.hardware.ports import DriveLimits, StickReading
 
 CLOSING_TICKS = 5

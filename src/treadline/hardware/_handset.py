@@ -13,9 +13,8 @@ from pathlib import Path
 from treadline.core.errors import LinkError
 from treadline.core.signals import OperatorInput
 from treadline.hardware.ports import StickReading
+from treadline.scenario.operator_actions import REPORT_S
 
-REPORT_S = 0.1
-"""Period of the reports [s]."""
 HELD_S = 0.15
 """Time between two repeats of a key up to which it is held down [s]: terminals repeat at 10 Hz or faster."""
 KEYS = {"r": (0.0, 0.0), "w": (1.0, 0.0), "s": (-1.0, 0.0), "a": (0.0, 1.0), "d": (0.0, -1.0)}

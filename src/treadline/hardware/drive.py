@@ -14,13 +14,13 @@ from treadline.core.angles import DEG
 from treadline.core.camera_images import RgbdFrame
 from treadline.core.errors import SettingsError
 from treadline.core.models import ControllerDesign
+from treadline.core.processes import LOOP, real_time
 from treadline.core.signals import Event
 from treadline.estimation import FilterConfig
 from treadline.guard import GuardConfig
 from treadline.hardware._arming import Arming, BenchSession
 from treadline.hardware._guard_client import GuardClient
 from treadline.hardware._links import open_driver
-from treadline.hardware._real_time import LOOP, real_time
 from treadline.hardware._robot_plant import CameraThread, RobotPlant
 from treadline.hardware.robot_file import RobotFile
 from treadline.io.live import CAMERAS

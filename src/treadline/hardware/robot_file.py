@@ -12,6 +12,7 @@ from pydantic import ConfigDict, Field, model_validator
 from treadline.core.angles import DEG
 from treadline.core.settings import Settings, read_toml
 from treadline.hardware.ports import DriveLimits
+from treadline.scenario.camera_file import Positive
 from treadline.scenario.chair import read_chair
 
 LINKS = {
@@ -24,7 +25,6 @@ LINKS = {
 """Class of each link that has a name."""
 SHARED = ("drives", "imu")
 """Tables whose device may carry other ports as well."""
-Positive = Annotated[float, Field(gt=0.0)]
 Sign = Literal[-1, 1]
 
 

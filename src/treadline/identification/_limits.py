@@ -6,8 +6,6 @@ PREDICTABLE = 1e-9
 """Share of an input's variance that is new in a sample, below which the input is predictable from its own past."""
 SIGNIFICANCE = 1e-4
 """p-value below which an influence is significant."""
-CONFIDENCE = 0.95
-"""Probability of an interval."""
 HALF = 0.5
 """Share of a variance above which one cause explains more of it than all others."""
 TOLERANCE = 0.3

@@ -15,13 +15,12 @@ from jaxtyping import Bool, Float
 from scipy.linalg import block_diag
 from scipy.special import gammaincinv
 
-from treadline.core.arrays import markov_parameters
+from treadline.core.arrays import CONFIDENCE, markov_parameters
 from treadline.core.linear_systems import TESTED_LAGS, whiteness_p
 from treadline.identification._affine import Affine
 from treadline.identification._era import HankelSvd
 from treadline.identification._factor import inverse
 from treadline.identification._gram import Gram, Units
-from treadline.identification._limits import CONFIDENCE
 from treadline.identification._modes import Experiment
 from treadline.identification._okid import ObserverMarkov, regression
 from treadline.identification._recursion_kernels import tangents, unroll

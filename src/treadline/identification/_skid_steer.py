@@ -18,13 +18,14 @@ from scipy.linalg import LinAlgError
 from scipy.signal import lfilter
 from scipy.special import ndtri
 
+from treadline.core.arrays import CONFIDENCE
 from treadline.core.linear_systems import most_recent
 from treadline.core.models import InputOutputRecord
 from treadline.identification._belts import DifferentialInput, named_belts, turn_channels, turn_rate
 from treadline.identification._dead_time import dead_time
 from treadline.identification._descent import Linearised, descended
 from treadline.identification._gram import runs_of
-from treadline.identification._limits import CONFIDENCE, LAGS_MOST, RECENT, ROUNDING, ROWS_PER_PARAMETER
+from treadline.identification._limits import LAGS_MOST, RECENT, ROUNDING, ROWS_PER_PARAMETER
 from treadline.identification._pole_intervals import MEMORY
 
 NOISE_LAGS = 6

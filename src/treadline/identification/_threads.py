@@ -10,10 +10,8 @@ from functools import cache
 
 from threadpoolctl import ThreadpoolController
 
-
-@cache
-def _libraries() -> ThreadpoolController:
-    return ThreadpoolController()
+_libraries = cache(ThreadpoolController)
+"""Return the BLAS libraries of this process, found once."""
 
 
 @contextmanager

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
+from treadline.core.arrays import BLOCK_ROWS
 from treadline.core.errors import LogFormatError
 from treadline.io._clock import Seconds, Ticks, TimeColumn, clocks_of
-from treadline.io._tables import BLOCK_ROWS, Log, Table, check_count, place_of
+from treadline.io._tables import Log, Table, check_count, place_of
 
 
 class ArrowLog(Log):

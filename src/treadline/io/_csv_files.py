@@ -19,10 +19,11 @@ from typing import BinaryIO, TextIO, cast
 import numpy as np
 from jaxtyping import Int, Shaped
 
+from treadline.core.arrays import BLOCK_ROWS
 from treadline.core.errors import LogFormatError, ShapeMismatch
 from treadline.io._clock import Seconds
 from treadline.io._sheet import Row, Sheet, sheet_of
-from treadline.io._tables import BLOCK_ROWS, MAX_BYTES, Log, Table, check_count, listed
+from treadline.io._tables import MAX_BYTES, Log, Table, check_count, listed
 
 MAX_LINE = 1 << 20
 """Longest accepted line [characters]: 50,000 columns."""

@@ -24,8 +24,6 @@ MOST_NAMED = 12
 """Largest number of names listed in an error message."""
 LONGEST_NAME = 80
 """Largest number of characters of a name in an error message."""
-BLOCK_ROWS = 65_536
-"""Number of rows that are read at a time: 5 MB with ten columns."""
 MAX_BYTES = 1024**3
 """Largest size of what is unpacked from a file [bytes]."""
 MOST_ROWS = 10_000_000

@@ -6,7 +6,6 @@ holds, perceived nosings and the least tip-over margin.
 
 from treadline.playback._builder import RecordingBuilder, SignalCollector
 from treadline.playback._moments import (
-    SILENT_S,
     Findings,
     Hold,
     LogNotes,

@@ -18,6 +18,7 @@ from jaxtyping import Bool, Float
 from treadline.core.angles import DEG
 from treadline.core.rotations import Rotation, Vector3, rotation_of
 from treadline.core.signals import ROUNDING_S, Event
+from treadline.guard import SILENCE_S
 from treadline.io.columns import read_contents
 from treadline.io.mcap_read import has_arrivals
 from treadline.io.runs import LOG
@@ -39,8 +40,6 @@ IMU, and above the wobble on steps with 4 mm of jitter. Half and twice the value
 climbs of 28°."""
 TURNED_SHARE = 0.9
 """Share of the slope that the median pitch on a flight exceeds; jitter of the steps changes the slope by less than a tenth."""
-SILENT_S = 0.3
-"""Time without a frame from which a camera counts as silent [s]: three periods at 10 Hz, as the default of the guard's timeout."""
 CONTACT_M = 0.002
 """Largest gap of a contact between pulley and ground, or between nosing and flipper [m]. From 0.5 mm to 8 mm the share of samples
 whose margin agrees with the simulator's within 2° changes by at most three hundredths."""
@@ -295,7 +294,7 @@ def silences(recording: Recording, exposures_s: Float[np.ndarray, " n"] | None) 
 def _gaps(times_s: Float[np.ndarray, " n"], start_s: float, end_s: float) -> list[tuple[float, float]]:
     inside = times_s[(times_s >= start_s) & (times_s <= end_s)]
     edges = np.concatenate([[start_s], inside, [end_s]])
-    return [(float(a), float(b)) for a, b in pairwise(edges) if b - a > SILENT_S + ROUNDING_S]
+    return [(float(a), float(b)) for a, b in pairwise(edges) if b - a > SILENCE_S + ROUNDING_S]
 
 
 # ---- holds ----

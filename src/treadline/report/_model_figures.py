@@ -15,14 +15,13 @@ from matplotlib.patches import Circle
 from matplotlib.ticker import MaxNLocator, NullFormatter
 
 from treadline.core.angles import DEG
-from treadline.core.arrays import decimated
+from treadline.core.arrays import NORMAL_95, decimated
 from treadline.core.transfer_function import TimeResponse, unwrapped_phase
 from treadline.identification.stabilisation import StabilisationDiagram
 from treadline.report._model_runs import answering
 from treadline.report.labels import ColumnLabel
-from treadline.report.svg_figures import BLUE, GREEN, GREY, ORANGE, RED, STYLE, plain_log_labels
+from treadline.report.svg_figures import BLUE, GREEN, GREY, ORANGE, RED, STYLE, WIDTH_IN, plain_log_labels
 
-WIDTH_IN = 8.0
 NARROWEST_IN = 1.75
 """Smallest width of a panel [in]; more panels widen the figure."""
 LEFT_IN, RIGHT_IN, TOP_IN, BOTTOM_IN = 0.80, 0.14, 0.30, 0.48
@@ -33,8 +32,6 @@ SHOWN_VALUES = 40
 """Largest number of singular values drawn."""
 ROUNDING = 1e-12
 """Relative size below which a singular value is rounding error."""
-BAND = 1.96
-"""Half width of a 95 % band [standard deviations]."""
 
 
 DISC_MOST = 0.5
@@ -156,7 +153,7 @@ def _time_panel(
     values, t = response[:shown], np.arange(shown) * dt_s
     low = high = values
     if sigma is not None:
-        half = BAND * np.nan_to_num(sigma[:shown], posinf=0.0)
+        half = NORMAL_95 * np.nan_to_num(sigma[:shown], posinf=0.0)
         low, high = values - half, values + half
         ax.fill_between(t, low, high, color=ORANGE, alpha=0.45, linewidth=0.0)
     ax.axhline(0.0, color=GREY, linewidth=0.8)
@@ -256,7 +253,7 @@ def _magnitude_panel(ax: Axes, modelled: Curve, sigma: Float[np.ndarray, " w"] |
     if measured is not None:
         ax.plot(measured[0], np.abs(measured[1]), **BEHIND)
     if sigma is not None:
-        half = BAND * np.nan_to_num(sigma, posinf=0.0)
+        half = NORMAL_95 * np.nan_to_num(sigma, posinf=0.0)
         low, high = np.maximum(size - half, 1e-3 * float(size[there].min(initial=np.inf))), size + half
         ax.fill_between(f[there], low[there], high[there], color=ORANGE, alpha=0.45, linewidth=0.0)
     if not there.any():

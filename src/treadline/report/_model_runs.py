@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Complex, Float
 
+from treadline.core.arrays import NORMAL_95
 from treadline.core.linear_systems import part
 from treadline.core.state_space import InputOutputRecord
 from treadline.core.transfer_function import STEPS_LEAST
@@ -104,7 +105,7 @@ def correlation_band(a: Float[np.ndarray, " k"], b: Float[np.ndarray, " k"], cou
         a: Autocorrelation of one series at lags ``-k … k``; likewise b.
         count: Samples N.
     """
-    return 1.96 * math.sqrt(max(float(a @ b), 1.0) / max(count, 1))
+    return NORMAL_95 * math.sqrt(max(float(a @ b), 1.0) / max(count, 1))
 
 
 def typical_span(error: Float[np.ndarray, "T p"], span: int) -> slice:

@@ -27,22 +27,20 @@ from treadline.playback import Recording, read_recording
 from treadline.report._html import in_base64
 from treadline.report._results import PAPER_FRICTION, Cell, Impulse, ModelFigures, Results, Steered, Straight, Turn, read_part
 from treadline.report._run_page import checked_series, write_page, write_run_page
-from treadline.report.comparison import answer, comparisons
+from treadline.report.comparison import IMPULSE_S, answer, comparisons
 from treadline.report.labels import run_words
 from treadline.report.player_page import write_player
 from treadline.report.side_view import SideViews
-from treadline.report.svg_figures import BLUE, GREEN, GREY, ORANGE, RED, STYLE, panels_of, plain_log_labels, svg_of
+from treadline.report.svg_figures import BLUE, GREEN, GREY, ORANGE, RED, STYLE, WIDTH_IN, panels_of, plain_log_labels, svg_of
 
 BY_SLOPE = {20: ORANGE, 25: BLUE, 28: GREEN, 30: RED}
 BY_HEADING = ("#000000", GREY, BLUE, GREEN, RED)
 Series = Mapping[str, Float[np.ndarray, " T"]]
-IMPULSE_SHOWN_S = 20.0
-"""Span of Fig. 8 that is drawn, of 60 s: both responses have ended by then."""
 TURN_SHOWN_S = 12.0
 """Span of a turn from ±30° in which belts, place and margins change."""
 
 
-def _figure(height_in: float, rows: int, x: str, y: Sequence[str], width_in: float = 8.0) -> tuple[Figure, list[Axes]]:
+def _figure(height_in: float, rows: int, x: str, y: Sequence[str], width_in: float = WIDTH_IN) -> tuple[Figure, list[Axes]]:
     """Return a figure of panels with a common label of the horizontal axes and one of each vertical axis."""
     figure = Figure(figsize=(width_in, height_in), layout="constrained")
     axes = list(figure.subplots(rows, len(y) // rows, squeeze=False).ravel())
@@ -61,14 +59,14 @@ def impulse(ours: Impulse) -> Figure:
     """Return Fig. 8: impulse responses of our model over those of Eq. (12)."""
     labels = ("heading θ [rad]", "angular velocity ω [rad/s]")
     figure, axes = _figure(4.6, 2, "time after the impulse [s]", (labels[0], labels[0], labels[1], labels[1]))
-    steps = round(IMPULSE_SHOWN_S / paper.SAMPLING_TIME_S) + 1
+    steps = round(IMPULSE_S / paper.SAMPLING_TIME_S) + 1
     printed, t_printed = markov_parameters(paper.A, paper.B, paper.C, paper.D, steps), np.arange(steps) * paper.SAMPLING_TIME_S
     for row, response in enumerate((ours.heading_rad, ours.yaw_rate_rad_s)):
         for column, (values, belt) in enumerate(((response.left_m_s, "left"), (response.right_m_s, "right"))):
             ax = axes[2 * row + column]
             ax.step(np.asarray(ours.t_s), values, where="post", color=BLUE, label="ours")
             ax.step(t_printed, printed[:, row, column], where="post", color=ORANGE, label="Eq. (12)")
-            ax.set_xlim(0.0, IMPULSE_SHOWN_S)
+            ax.set_xlim(0.0, IMPULSE_S)
             ax.set_title(f"impulse on u{column + 1} ({belt} track, 1 m/s)")
     axes[0].legend()
     return figure
@@ -237,7 +235,7 @@ def write_reproduction_page(folder: Path, each: Callable[[str, Callable[[Any], A
         others=[page["name"] for page in pages if not page["is_main"]],
         cards=[page for page in pages if page["svg"]],
         stages=stages,
-        shown_s=IMPULSE_SHOWN_S,
+        shown_s=IMPULSE_S,
         versions=json.dumps(results.versions),
     )
 

@@ -28,8 +28,10 @@ ROLL_BACK_TARGETS = {25: 0.02, 28: 0.05, 30: 0.15}
 """Largest accepted roll-back [m] with Table I's friction, by slope [deg]."""
 IDENTIFIABLE_VAF = 50.0
 """VAF of the yaw rate [%] below which a record holds more noise than motion: the dead zone."""
+IMPULSE_S = 20.0
+"""Span of Fig. 8 that is drawn, of 60 s: both responses have ended by then."""
 TILT_DEG = 0.5
-"""Gravity error of the IMU for which the steady targets are set."""
+"""Tilt of the IMU's gravity direction in the reported runs [°], for which the steady targets are set; usual after calibration."""
 PUBLISHED_SEEDS = 5
 """Seeds of Table II in published figures. The RMS headings of five seeds differ by 0.01 to 0.04°; two show the figure."""
 

@@ -14,6 +14,7 @@ from jaxtyping import Complex, Float
 from matplotlib.figure import Figure
 
 from treadline.core import transfer_function as transfer
+from treadline.core.arrays import NORMAL_95
 from treadline.core.files import write_whole
 from treadline.core.linear_systems import impulse_response, part
 from treadline.core.model_scores import compare
@@ -213,7 +214,7 @@ class _Page:
         given = [runs.correlation(column, column, lags) for column in u.T]
         across = np.array([[runs.correlation(column, other, lags) for other in u.T] for column in e.T])
         band = np.array([[runs.correlation_band(r, s, n) for s in given] for r, n in zip(own, counts.tolist(), strict=True)])
-        own_band = figures.BAND / np.sqrt(counts)
+        own_band = NORMAL_95 / np.sqrt(counts)
         self.drawn["residuals"] = figures.residuals(own, own_band, across, band, self.drawn_in, self.drawn_out)
         self.values["lags_tested"] = lags
         self.values["tests"] = [

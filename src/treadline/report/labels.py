@@ -4,16 +4,15 @@ import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from treadline.core.printing import UNITS, unit_ending
+from treadline.scenario.shipped_files import DATA
 
 LONGEST = 26
 """Longest name that fits a panel [characters]."""
 DIGITS = {"m": 3, "m/s": 3, "m/s³": 1, "mm/min": 3, "N": 0, "W": 0, "ms": 1, "×": 1}
 """Decimals by unit; two for every other. A value below 0.1 has one more."""
-DATA = Path(__file__).parents[1] / "data"
 _TABLE = tomllib.loads((DATA / "score_labels.toml").read_text(encoding="utf-8"))
 _GLOSSARY = tomllib.loads((DATA / "terms.toml").read_text(encoding="utf-8"))
 GROUPS: dict[str, dict[str, str]] = _TABLE["groups"]

@@ -13,10 +13,10 @@ from treadline.core.angles import DEG
 from treadline.core.arrays import decimated
 from treadline.playback import Recording
 from treadline.report._player_data import passenger_m_s2
-from treadline.report.svg_figures import BLUE, GREEN, GREY, ORANGE, RED, STYLE
+from treadline.report.svg_figures import BLUE, GREEN, GREY, ORANGE, RED, STYLE, WIDTH_IN
 from treadline.vehicle.comfort import COMFORT_TICKS, STEADY_FROM_S, lasting
 
-WIDTH_IN, PANEL_IN, STRIP_IN = 8.0, 1.3, 0.75
+PANEL_IN, STRIP_IN = 1.3, 0.75
 CLOSER_BY = 3.0
 """Smallest magnification at which an enlarged panel of the steady interval is drawn."""
 BANDS = ("#dbe9f6", "#f6ecd5")

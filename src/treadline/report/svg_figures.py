@@ -17,6 +17,8 @@ from matplotlib.transforms import BboxBase
 from treadline.report._html import TEMPLATES
 
 BLUE, ORANGE, GREEN, RED, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#777777"
+WIDTH_IN = 8.0
+"""Usual width of a figure [in]."""
 PAD_PX = 4.0
 """Margin around a panel that is drawn alone."""
 STYLE = mpl.rc_params_from_file(TEMPLATES / "figures.mplstyle", use_default_template=False)

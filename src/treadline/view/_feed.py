@@ -11,7 +11,8 @@ from typing import Any
 
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.signals import TICK_S
-from treadline.playback import SILENT_S, NosingComparison, Recording, RecordingBuilder, staircase_of
+from treadline.guard import SILENCE_S
+from treadline.playback import NosingComparison, Recording, RecordingBuilder, staircase_of
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.faults import Conditions, Fault, payload_shift_m
 from treadline.vehicle.staircase import Staircase
@@ -129,7 +130,7 @@ class Feed:
     def fresh_frame_at(self, t_s: float) -> ShownFrame | None:
         """Return the newest camera frame that the mission had received at a time; None if the camera is silent since then."""
         frame = self.frame_at(t_s)
-        return frame if frame is not None and t_s - frame.taken_s <= SILENT_S + 1e-6 else None
+        return frame if frame is not None and t_s - frame.taken_s <= SILENCE_S + 1e-6 else None
 
     def contacts_at(self, t_s: float) -> ContactForces | None:
         """Return the contact forces of the last tick at or before a time, None if they were not asked for then."""

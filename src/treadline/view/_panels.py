@@ -11,7 +11,8 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from treadline.core.rotations import rotation_of
-from treadline.playback import SILENT_S, Recording, holding_at, in_runs, perceived_text
+from treadline.guard import SILENCE_S
+from treadline.playback import Recording, holding_at, in_runs, perceived_text
 from treadline.report.labels import PHASES, TERMS
 from treadline.report.plot_table import SIGNS, Plot, phase_colour
 from treadline.view._messages import ShownFrame
@@ -105,7 +106,7 @@ def camera_warning(session: Session) -> str | None:
     spans = [span for span in session.moments.listed if span.kind == "perception" and span.t_s < t_s <= (span.end_s or span.t_s)]
     silent = next((span for span in spans if span.name == "no camera frame"), None)
     since_s = silent.t_s if silent is not None else 0.0 if frame is None else frame.taken_s
-    if session.feed.fresh_frame_at(t_s) is not None or t_s - since_s <= SILENT_S:
+    if session.feed.fresh_frame_at(t_s) is not None or t_s - since_s <= SILENCE_S:
         return None
     if silent is None and spans:
         return f"no stair perceived for {t_s - spans[0].t_s:.1f} s; {spans[0].cause}"

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from treadline.core.signals import TICK_S
+from treadline.guard import SILENCE_S
 from treadline.playback import LogNotes, Moment, Recording, findings_of
 from treadline.report.answers import moments_of
 from treadline.scenario.faults import Fault
@@ -25,8 +26,6 @@ TRANSPORT = ("start", *STEPS, "play", "end")
 """Buttons of the timeline."""
 PAUSE = -1.0
 """Speed of a worker that means pause."""
-RELEASED_S = 0.3
-"""Time without a report of the handset after which its dead-man switch counts as released [s]: that of the guard's link."""
 DRIVE_M_S, TURN_M_S = 0.10, 0.08
 """Belt speeds at full deflection of the handset [m/s]: the guard's limit at edges, and a turn of 14 °/s."""
 LEAST_PAUSE_S = 2.0
@@ -224,7 +223,7 @@ class Session:
     def press(self, button: str) -> None:
         """Press a button of the handset, named as in ``OperatorInput``."""
         self._set_handset(replace(self.handset, **{button: True}))
-        self._released = (button, time.monotonic() + 2.0 * RELEASED_S)
+        self._released = (button, time.monotonic() + 2.0 * SILENCE_S)
 
     def set_manual(self, *, manual: bool) -> None:
         """Hand the belts to a person, or back to the planner."""
@@ -253,7 +252,7 @@ class Session:
         if self._released is not None and now >= self._released[1]:
             button, self._released = self._released[0], None
             self._set_handset(replace(self.handset, **{button: False}))
-        if self.manual and self.handset.dead_man and now - self._reported_at > RELEASED_S:
+        if self.manual and self.handset.dead_man and now - self._reported_at > SILENCE_S:
             self._set_handset(replace(self.handset, dead_man=False, speed_m_s=0.0, turn_m_s=0.0))
 
     def _set_handset(self, state: Handset) -> None:

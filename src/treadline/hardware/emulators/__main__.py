@@ -10,8 +10,8 @@ from typing import Any, Literal
 import cyclopts
 
 from treadline.core.errors import TreadlineError
+from treadline.core.processes import LOOP, real_time
 from treadline.core.signals import TICK_S
-from treadline.hardware._real_time import LOOP, real_time
 from treadline.hardware.emulators._chair import EmulatedChair
 from treadline.hardware.emulators._faults import KINDS, Faults
 from treadline.hardware.emulators._serial import SerialBox, Terminal

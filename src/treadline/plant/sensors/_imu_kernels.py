@@ -11,6 +11,7 @@ import numpy as np
 from treadline.core.fma import dot, fused
 from treadline.core.kernel_cache import njit
 from treadline.core.signals import TICK_S
+from treadline.estimation.tilt import AT_REST
 from treadline.plant.sensors._pose_kernels import product, quaternion, rotation
 from treadline.scenario.chair import GRAVITY_M_S2
 
@@ -23,8 +24,6 @@ BIAS, LAST_RATE, ATTITUDE, ANGLE, QUADRATURE = 0, 3, 6, 10, 13
 MEMORY = 16
 DRAWS = 15
 """Number of normal random numbers per sample."""
-AT_REST = 0.1
-"""Largest relative deviation of the specific force from g for a correction by the attitude filter (as in ``estimation.tilt``)."""
 
 
 @njit(cache=True)
