@@ -4,14 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from surfaces import CAMERA, line_between, surface
+from surfaces import CAMERA, surface
 
 from treadline.core.angles import DEG
 from treadline.core.rotations import rotation_x, rotation_y
 from treadline.perception._edge_fit import EdgeFit, fit_edges
 from treadline.perception._gravity_direction import down_of_treads
-from treadline.perception._step_parts import NosingObservation, Tread, level_axes
-from treadline.perception._winding import turn_per_step
+from treadline.perception._step_parts import NosingObservation
 
 DOWN = np.array([0.0, 1.0, 0.0])
 TRUE_EDGE = rotation_y(20.0 * DEG) @ np.array([1.0, 0.0, 0.0])
@@ -76,31 +75,3 @@ def test_down_is_not_guessed_without_treads() -> None:
     assert down_of_treads(wall, AHEAD) is None
     assert down_of_treads(np.zeros((0, 3)), AHEAD) is None
     assert down_of_treads(np.tile(DOWN @ rotation_x(-30.0 * DEG), (5, 1)), AHEAD) is None
-
-
-@pytest.mark.parametrize("turn_deg", [-12.0, 12.0])
-def test_wedge_shaped_treads_show_the_turn_per_step_under_any_gravity(turn_deg: float) -> None:
-    """Test: three treads whose far end is turned by 12° against their near end, at the slope of a stair, and gravity off by 10°.
-
-    Expected result: the turn per step to a degree, positive to the left; none for treads with parallel ends.
-    """
-
-    def tread(step: int, wedge_deg: float) -> Tread:
-        lines = []
-        for k, end in ((step, "lower"), (step + 1, "upper")):
-            along = rotation_y(-k * wedge_deg * DEG) @ np.array([1.0, 0.0, 0.0])
-            middle = np.array([0.0, 0.9 - 0.18 * step, 1.2 + 0.3 * k])
-            lines.append(
-                line_between(np.array([middle - 0.4 * along, middle + 0.4 * along]), np.cross(along, middle), kind="edge", end=end)
-            )
-        plane = surface(DOWN, distance_m=0.9 - 0.18 * step)
-        return Tread(
-            surface=replace(plane, centre=np.array([0.0, 0.9 - 0.18 * step, 1.35 + 0.3 * step])), lower=lines[0], upper=lines[1]
-        )
-
-    for down in (DOWN, rotation_x(10.0 * DEG) @ DOWN):
-        level = level_axes(down, CAMERA.R_BC)
-        assert level is not None
-        turn_rad = turn_per_step([tread(step, turn_deg) for step in range(3)], level)
-        assert turn_rad == pytest.approx(turn_deg * DEG, abs=1.0 * DEG)
-        assert turn_per_step([tread(step, 0.0) for step in range(3)], level) is None

@@ -119,19 +119,14 @@ def _winding(finding: Finding) -> str | None:
     flight, fit = finding.flight, finding.fit
     turned_rad = fit.turn_per_step_rad * float(np.mean([nosing.ahead_m for nosing in flight.nosings])) / flight.run_m
     if fit.winding > CERTAIN and abs(turned_rad) > FORM_LIMIT:
-        return winds(fit.turn_per_step_rad, fit.turn_sigma_rad)
+        turn_deg, margin_deg = fit.turn_per_step_rad / DEG, 1.96 * fit.turn_sigma_rad / DEG
+        side = "left" if turn_deg > 0.0 else "right"
+        return f"the flight winds by {abs(turn_deg):.1f} ± {margin_deg:.1f}° per step to the {side}"
     if fit.agreeing < AGREEING or (fit.agreeing * len(flight.nosings) < 1.5 and not flight.is_single):
         return f"the flight is not straight: nosings turned by up to {fit.widest_rad / DEG:.1f}° against each other"
     if sum(nosing.has_direction for nosing in flight.nosings) < STRAIGHT_LEAST and not flight.is_single:
         return "too little is in view: one edge has a direction, and a straight flight is not distinguished from winders"
     return None
-
-
-def winds(turn_rad: float, sigma_rad: float | None = None) -> str:
-    """Return the refusal of a winding flight."""
-    margin = "" if sigma_rad is None else f" ± {1.96 * sigma_rad / DEG:.1f}"
-    side = "left" if turn_rad > 0.0 else "right"
-    return f"the flight winds by {abs(turn_rad) / DEG:.1f}{margin}° per step to the {side}"
 
 
 def _uncertain(finding: Finding) -> str | None:

@@ -20,7 +20,7 @@ from treadline.core.arrays import cross
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.rotations import Rotation, Vector3
 from treadline.core.signals import StairMap
-from treadline.perception._acceptance import Finding, lacking_evidence, refusal_of, winds
+from treadline.perception._acceptance import Finding, lacking_evidence, refusal_of
 from treadline.perception._edge_fit import EdgeFit, fit_edges
 from treadline.perception._form import bow_of, lateral_ends_of, narrower_by_m, sides_of, turn_by
 from treadline.perception._gravity_direction import GRAVITY_SIGMA, down_of_treads, levelled, off_gravity
@@ -30,7 +30,6 @@ from treadline.perception._single_step import shape_of_single, single_step_in
 from treadline.perception._stair_map import map_of
 from treadline.perception._stair_shape import axes_of, shape_of, stair_axes_of
 from treadline.perception._step_parts import Axes, Flight, viewing_direction
-from treadline.perception._winding import turn_per_step
 from treadline.perception.detection import Parts, StairDetection, refused
 from treadline.perception.free_ground import SWEPT_HALF_M
 
@@ -175,10 +174,6 @@ class _Search:
             return refused("the camera looks straight up or down")
         flight = flight_in(scene)
         self.watch.lap("flight")
-        if isinstance(flight, str) or flight.evidence < EVIDENCE:
-            turn_rad = turn_per_step(scene.treads, scene.level)
-            if turn_rad is not None:
-                return refused(winds(turn_rad))
         if self.swept_half_m is not None and (isinstance(flight, str) or flight.evidence < UNCONFIRMED):
             flight = single_step_in(scene, self.swept_half_m) or flight
         if isinstance(flight, str):
