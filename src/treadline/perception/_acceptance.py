@@ -32,9 +32,6 @@ FORM_LIMIT = 1.0 * DEG
 """Largest accepted rotation of a winding flight's edges between those in view and the chair, and largest accepted deviation
 of the heading on bowed edges [rad]: the heading error of a chair that counts as square. It does not decrease as the chair
 approaches."""
-NARROWER_M = 0.3
-"""Largest width by which a step may be narrower than those above it [m]: treads of gratings, which are seen through, reach 0.29 m,
-footstools before a sofa 0.40 to 0.56 m."""
 CERTAIN = 0.9
 """Probability above which a flight is called winding; below it, the heading's interval allows for it."""
 
@@ -49,8 +46,6 @@ class Finding:
     bow: Bow
     sides: tuple[Side | None, Side | None]
     """Left and right side of the flight in the camera's view."""
-    narrower_m: float
-    """Largest width by which a step is narrower than those above it [m]."""
     heading_rad: float
     sigma_rad: float
     swept_half_m: float | None
@@ -109,12 +104,6 @@ def _turned_away(finding: Finding) -> str | None:
     return f"the flight is too far aside: heading {finding.heading_rad / DEG:.0f}°, at most ±{HEADING_LIMIT / DEG:.0f}°"
 
 
-def _footstool(finding: Finding) -> str | None:
-    if finding.narrower_m <= NARROWER_M:
-        return None
-    return f"furniture, no flight: a step is {finding.narrower_m:.2f} m narrower than the steps above it"
-
-
 def _winding(finding: Finding) -> str | None:
     flight, fit = finding.flight, finding.fit
     turned_rad = fit.turn_per_step_rad * float(np.mean([nosing.ahead_m for nosing in flight.nosings])) / flight.run_m
@@ -156,7 +145,6 @@ RULES: tuple[Callable[[Finding], str | None], ...] = (
     _winding,
     _unfit_size,
     _turned_away,
-    _footstool,
     _uncertain,
     _too_narrow,
 )

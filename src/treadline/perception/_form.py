@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
 from treadline.core.camera_images import BASELINES_M, PinholeCamera
 from treadline.perception import _form_kernels as form_kernels
@@ -143,32 +143,6 @@ def _columns(profiles: Sequence[tuple[Surface, Ends]]) -> tuple[np.ndarray, ...]
     parts = [(surface.upper.columns, surface.upper.rows, surface.lower.rows, end.rows, end.follows) for surface, end in profiles]
     columns, upper, lower, rows, follows = (np.concatenate(part) for part in zip(*parts, strict=True))
     return columns, upper, lower, np.cumsum([part[0].size for part in parts]), rows, follows
-
-
-def narrower_by_m(ends: Sequence[LateralEnds], steps: Int[np.ndarray, " k"]) -> float:
-    """Return the largest width by which higher steps extend beyond the ends of a single lower one [m].
-
-    A step ends where its surfaces end together, at least one of them open: a footstool before a sofa, not a step behind an object.
-    Several steps that end at one place belong to a flight whose landing is wider.
-
-    Args:
-        steps: Step of each surface.
-    """
-    most_m: dict[int, float] = {}
-    for end in ends:
-        known = np.isfinite(end.outward_m)
-        places_m: dict[int, float] = {}
-        for step in np.unique(steps).tolist():
-            own = known & (steps == step) & (end.walls | end.opens)
-            together = np.count_nonzero(own) >= 2 and np.ptp(end.outward_m[own]) < SAME_SIDE_M
-            if together and end.opens[own].any():
-                places_m[step] = float(end.outward_m[own].mean())
-        for step, place_m in places_m.items():
-            above = known & (steps > step)
-            alone = all(other == step or abs(its_m - place_m) > SAME_SIDE_M for other, its_m in places_m.items())
-            if alone and above.any():
-                most_m[step] = most_m.get(step, 0.0) + max(float(end.outward_m[above].max()) - place_m, 0.0)
-    return max(most_m.values(), default=0.0)
 
 
 def _side(end: LateralEnds, way: int) -> Side | None:

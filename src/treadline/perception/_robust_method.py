@@ -22,7 +22,7 @@ from treadline.core.rotations import Rotation, Vector3
 from treadline.core.signals import StairMap
 from treadline.perception._acceptance import Finding, lacking_evidence, refusal_of
 from treadline.perception._edge_fit import EdgeFit, fit_edges
-from treadline.perception._form import bow_of, lateral_ends_of, narrower_by_m, sides_of, turn_by
+from treadline.perception._form import bow_of, lateral_ends_of, sides_of, turn_by
 from treadline.perception._gravity_direction import GRAVITY_SIGMA, down_of_treads, levelled, off_gravity
 from treadline.perception._lattice import EVIDENCE, LEAST_BLOCKS, UNCONFIRMED, UPRIGHT, flight_in, scene_of
 from treadline.perception._plane_segmentation import PlanarBlocks, Surface, reduced, surface_blocks, uncertain_blocks
@@ -201,10 +201,7 @@ class _Search:
         R_BC = camera.R_BC
         in_view = Axes(ahead=fit.ahead, up=-fit.down, right=fit.edge)
         fronts = [(tread.surface, tread.nosing_end(in_view, flight.direction)) for _, on, tread in flight.matched_treads if on]
-        faced = [(nosing.step, nosing.riser) for nosing in flight.nosings if nosing.riser is not None]
-        ends = lateral_ends_of([*(tread for tread, _ in fronts), *(riser for _, riser in faced)], blocks, camera, in_view)
-        steps = [step for step, on, _ in flight.matched_treads if on] + [step for step, _ in faced]
-        sides = sides_of(ends)
+        sides = sides_of(lateral_ends_of([*(tread for tread, _ in fronts), *flight.risers], blocks, camera, in_view))
         bow = bow_of(fronts, flight.risers, blocks, camera, in_view)
         turn, turn_sigma = turn_by(bow, sides)
         chord = fit.edge + turn * fit.ahead
@@ -222,7 +219,6 @@ class _Search:
                 shape=shape,
                 bow=bow,
                 sides=sides,
-                narrower_m=narrower_by_m(ends, np.array(steps)),
                 heading_rad=heading,
                 sigma_rad=sigma,
                 swept_half_m=self.swept_half_m,
