@@ -2,7 +2,7 @@
 
 Run: ``python benchmarks/profiles.py [--draws N] [--seed N] [--refused N] [--workers N]`` (five seconds of CPU for each draw that
 may be driven). A scenario is drawn, checked, and driven with the statistical camera if ``check`` says go. A go is wrong if the
-drive tips, is held or refused, or turns faster than a quiet drive does. Of the refused draws so many are driven too, with
+drive tips, is held, refused or rough, or turns faster than a quiet drive does. Of the refused draws so many are driven too, with
 ``drive.check = false`` and an errorless camera: a refusal is wrong if that drive arrives quietly.
 """
 
@@ -31,8 +31,8 @@ QUIET_DEG_S = 15.0
 """Pitch rate above which a drive is not quiet [°/s]."""
 UNEVEN_M = 0.012
 """Largest deviation of a rise or a run [m]."""
-TIPS = {"fell", "arrived_rough", "held_rough", "diverged"}
-"""Verdicts of a drive that tipped over a part of its support or stopped a person too hard."""
+TIPPED_DEG_S = 25.0
+"""Pitch rate above which a chair has tipped [°/s]."""
 
 Tables = Mapping[str, Any]
 
@@ -77,10 +77,7 @@ def judged(number: int, seed: int, drive_refused: bool) -> dict[str, Any]:
         )
     else:
         return row
-    try:
-        run = traverse(drive, seed=number)
-    except Exception as error:  # noqa: BLE001 - a drive that cannot be made is a row too
-        return row | {"verdict": "error", "cause": str(error), "rate_deg_s": 0.0, "passenger_m_s2": 0.0, "margin_deg": 90.0}
+    run = traverse(drive, seed=number)
     scores = run.scores
     return row | {
         "verdict": run.verdict,
@@ -89,6 +86,11 @@ def judged(number: int, seed: int, drive_refused: bool) -> dict[str, Any]:
         "passenger_m_s2": 0.0 if scores is None else scores.passenger_max_m_s2,
         "margin_deg": 90.0 if scores is None else scores.min_stability_margin_deg,
     }
+
+
+def _tipped(row: Mapping[str, Any]) -> bool:
+    """Return whether a chair turned over a part of its support: it fell, turned too fast, or stood beyond its margin."""
+    return row["verdict"] in ("fell", "diverged") or row["rate_deg_s"] > TIPPED_DEG_S or row["margin_deg"] < 0.0
 
 
 def share(count: int, total: int) -> str:
@@ -114,7 +116,7 @@ def main() -> int:
         refused = [row["number"] for row in rows if row["check"] == "refuse"][: options.refused]
         tried = list(pool.map(judged, refused, [seed] * len(refused), [True] * len(refused)))
     went = [row for row in rows if row["check"] == "go"]
-    tips = [row for row in went if row["verdict"] in TIPS]
+    tips = [row for row in went if _tipped(row)]
     ends = [row for row in went if row not in tips and row["verdict"] != "arrived"]
     fast = [row for row in went if row not in tips and row not in ends and row["rate_deg_s"] > QUIET_DEG_S]
     quiet = [row for row in tried if row["verdict"] == "arrived" and row["rate_deg_s"] < QUIET_DEG_S and row["margin_deg"] > 0.0]
@@ -125,7 +127,7 @@ def main() -> int:
         "| figure | share |",
         [
             f"| go, and the drive tips | {share(len(tips), len(went))} |",
-            f"| go, and the drive is held, refused or out of time | {share(len(ends), len(went))} |",
+            f"| go, and the drive is held, refused, rough or out of time | {share(len(ends), len(went))} |",
             f"| go, and the drive turns faster than {QUIET_DEG_S:g}°/s | {share(len(fast), len(went))} |",
             f"| refused, and the drive arrives quietly | {share(len(quiet), len(tried))} |",
         ],
@@ -139,8 +141,6 @@ def main() -> int:
         ],
         title="Wrong answers",
     )
-    reasons = Counter(row["reason"].split(";")[0][:90] for row in rows if row["check"] == "refuse")
-    markdown("| refusals | number |", [f"| {reason} | {number} |" for reason, number in reasons.most_common(30)])
     return 0
 
 

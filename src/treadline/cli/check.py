@@ -10,7 +10,7 @@ from treadline.core.errors import SettingsError
 
 
 def check(scenario: str | None = None, /, *, changes: Set = None, plot: Path | None = None, keys: bool = False) -> Answer:
-    """Check the feasibility of a scenario: track length, traction, stability, seat stroke, start pose and view of the stair.
+    """Check a scenario: the planner walks the whole ground with a chair at rest; friction, brakes, seat, start and view too.
 
     treadline check --keys > mine.toml
 

@@ -19,7 +19,7 @@ from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription, Point, Seat
 from treadline.vehicle.linkage import SeatLinkage
 from treadline.vehicle.rest_pose_kernels import BLOCKED, describe, follow
 
-Ground = Float[np.ndarray, "n 3"]
+Ground = Float[np.ndarray, "v 3"]
 """Vertices of the ground: place along the drive [m], height [m], radius of a rounded nosing [m] (``GroundProfile.vertices``)."""
 NOWHERE: Point = (0.0, 0.0, 0.0)
 LONG_FLIGHT_M, PHASES = 3.0, 41
