@@ -18,7 +18,6 @@ import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from treadline.core.errors import gone
 from treadline.core.printing import Plottable
 
 if TYPE_CHECKING:
@@ -44,6 +43,28 @@ _MODULE_OF = {
 }
 """Module of each public name. Named by text, so that importing the package, or one of its blocks, loads none of them."""
 __all__ = [*_MODULE_OF, "__version__"]  # noqa: PLE0604 - names are text
+
+
+GONE = {
+    "treadline compare": "treadline identify MODEL... --on LOG",
+    "treadline mount": "mount_yaw_deg in the camera file; pitch and roll are corrected while driving",
+    "--transport zenoh": "ros2 launch treadline_ros2 graph.launch.xml; in one process: treadline nodes without --transport",
+    "treadline.core.model_methods": "treadline.core.models.LinearModel, which has the methods",
+    "treadline.errors": "treadline.core.errors",
+    "treadline.frames": "treadline.io.frames",
+    "treadline.models": "treadline.core.models",
+    "treadline.nodes": "treadline.ros",
+    "treadline.ros.zenoh": "the ROS 2 package treadline_ros2",
+    "treadline.vehicle.static_stability": "RestChair.least_margins in treadline.vehicle.rest_poses; treadline.vehicle.bodies",
+    "treadline.signals": "treadline.core.signals or treadline.core.camera_images",
+    "treadline.sim": "treadline.plant.mujoco",
+}
+"""Verbs, options and modules that left with version 0.4, and what to use instead; this table leaves with 0.5."""
+
+
+def gone(*names: str) -> str | None:
+    """Return the answer to the first of some names that left; None if none did."""
+    return next((f"{name} left with treadline 0.4; use {GONE[name]}" for name in names if name in GONE), None)
 
 
 class _GoneModules:

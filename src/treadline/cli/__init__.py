@@ -21,10 +21,10 @@ from typing import Annotated
 import cyclopts
 from cyclopts import App, Group, Parameter
 
-from treadline import __version__
+from treadline import __version__, gone
 from treadline.cli._arguments import check_whole_numbers
 from treadline.cli._output import Answer, start_line
-from treadline.core.errors import SimulationDiverged, TreadlineError, gone
+from treadline.core.errors import SimulationDiverged, TreadlineError
 from treadline.core.processes import Terminated, on_terminate
 
 AGAIN_S = 0.25

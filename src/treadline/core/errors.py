@@ -118,25 +118,3 @@ def closest(name: str, known: Iterable[str]) -> str | None:
     """Return the known name that is most similar to a misspelt one, or None; other digits name another thing, as of two cameras."""
     alike = [other for other in known if re.sub(r"\D", "", other) == re.sub(r"\D", "", name)]
     return next(iter(get_close_matches(name, alike, 1)), None)
-
-
-GONE = {
-    "treadline compare": "treadline identify MODEL... --on LOG",
-    "treadline mount": "mount_yaw_deg in the camera file; pitch and roll are corrected while driving",
-    "--transport zenoh": "ros2 launch treadline_ros2 graph.launch.xml; in one process: treadline nodes without --transport",
-    "treadline.core.model_methods": "treadline.core.models.LinearModel, which has the methods",
-    "treadline.errors": "treadline.core.errors",
-    "treadline.frames": "treadline.io.frames",
-    "treadline.models": "treadline.core.models",
-    "treadline.nodes": "treadline.ros",
-    "treadline.ros.zenoh": "the ROS 2 package treadline_ros2",
-    "treadline.vehicle.static_stability": "RestChair.least_margins in treadline.vehicle.rest_poses; treadline.vehicle.bodies",
-    "treadline.signals": "treadline.core.signals or treadline.core.camera_images",
-    "treadline.sim": "treadline.plant.mujoco",
-}
-"""Verbs, options and modules that left with version 0.4, and what to use instead; this table leaves with 0.5."""
-
-
-def gone(*names: str) -> str | None:
-    """Return the answer to the first of some names that left; None if none did."""
-    return next((f"{name} left with treadline 0.4; use {GONE[name]}" for name in names if name in GONE), None)
