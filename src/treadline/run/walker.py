@@ -43,7 +43,7 @@ YIELD_RAD = 0.5 * DEG
 
 
 def walk(scenario: Scenario, chair: ChairDescription, mission: MissionConfig, *, until_rad_s: float = math.inf) -> Walk:
-    """Return the walk of a scenario: the chair with its true load, and the planner with what the operator entered.
+    """Return the walk of a scenario: chair and planner with the load that the operator entered.
 
     Args:
         until_rad_s: Pitch rate at which the walk ends.
@@ -59,7 +59,7 @@ class _Walker:
 
     def __init__(self, scenario: Scenario, chair: ChairDescription, mission: MissionConfig) -> None:
         self._scenario, self._flipper = scenario, chair.flipper
-        load = scenario.chair
+        load = scenario.chair.entered
         self._chair = rest_chair(chair, load.payload_kg, offset_m=load.payload_offset_m, seat_shift_m=load.seat_shift_m)
         staircase = as_designed(scenario.stair, scenario.step, scenario.sill)
         self._ground = ground_profile(staircase)

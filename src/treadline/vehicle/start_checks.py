@@ -123,7 +123,9 @@ def _over_an_edge(scenario: Scenario, tracks: Tracks, staircase: Staircase) -> s
     if place == "flight":
         return None
     start = standing(staircase, tracks, scenario.start)
-    box = [box for box in stair_boxes(staircase) if box.kind == place][-1]
+    box = next((box for box in reversed(stair_boxes(staircase)) if box.kind == place), None)
+    if box is None:  # of several parts, between which sills lie: the chair starts behind the last one
+        return None
     half_run, aside = 0.5 * tracks.flat_run_m, 0.5 * tracks.gauge_m
     ends_B = np.array([[x, y, 0.0] for x in (-half_run, half_run) for y in (-aside, aside)])
     ends_K = (start.p_WB + ends_B @ start.R_WB.T - np.array(box.centre_W)) @ box.R_WK
