@@ -26,7 +26,7 @@ SPEED_M_S, FLIPPER_RAD_S, PITCH_RAD_S = 0.1, 16.0 * DEG, 9.0 * DEG
 ERROR_M = 0.05
 """Error of the centre of mass along the chair against which a pose is judged [m]: a passenger who leans."""
 QUIET_M_S = 0.02
-"""Speed with which a fall may end that a passenger does not notice [m/s]: of a tenth of a millimetre."""
+"""Speed with which a fall may end without a jolt [m/s]: of a tenth of a millimetre."""
 PRICES = (400.0, 400.0, QUIET_M_S, 3000.0, 2.0, 6.0, 1.0)
 """Prices [s], see ``way_kernels.search``. A passenger of 4 m/s² stops a fall from 1 mm: it costs more than any detour. Pitch above
 the steepest line, load on the tip, and motion have small prices, so that of equal ways the one with less of them is taken."""
