@@ -269,8 +269,8 @@ def _remedies(
             moved = replace(mission, chair=chair.with_seat_shifted(shift_m))
             yield words, scenario.changed(chair={"seat_shift_m": shift_m}), chair, moved, shift_m
     for share in (0.75, 0.5):
-        lighter_kg = round(share * load_kg)
-        words = f"take {lighter_kg} kg at most"
+        lighter_kg = float(round(share * load_kg))
+        words = f"take {lighter_kg:.0f} kg at most"
         yield words, scenario.changed(chair={"payload_kg": lighter_kg}), chair, replace(mission, payload_kg=lighter_kg), None
     if chair.flipper is not None:
         for words, change in (
