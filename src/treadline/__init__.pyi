@@ -15,3 +15,5 @@ from treadline.io.frames import read_frames as read_frames
 from treadline.scenario import Scenario as Scenario
 
 __version__: str
+
+def gone(*names: str) -> str | None: ...
