@@ -12,12 +12,11 @@ from matplotlib.figure import Figure
 from treadline.core.angles import DEG
 from treadline.report.svg_figures import BLUE, GREEN, GREY, ORANGE, RED, STYLE
 from treadline.vehicle.rest_poses import Ground, RestChair
+from treadline.vehicle.walk import QUIET_RAD_S
 
 PLACES = 5
 """Number of places at which the chair is drawn."""
 SIZE_IN = (8.0, 7.0)
-QUIET_DEG_S = 15.0
-"""Pitch rate of a quiet drive [°/s], as in ``check``."""
 
 Columns = Mapping[str, Float[np.ndarray, " n"]]
 
@@ -38,7 +37,7 @@ def walk_figure(ground: Ground, chair: RestChair, columns: Columns) -> Figure:
     margins.set(ylabel="margin [°]", ylim=(0.0, 40.0))
     margins.legend(loc="upper right")
     rates.plot(x_m, columns["rate_deg_s"], color=RED)
-    rates.axhline(QUIET_DEG_S, color=GREY, linestyle=":")
+    rates.axhline(QUIET_RAD_S / DEG, color=GREY, linestyle=":")
     rates.set(ylabel="pitch rate [°/s]")
     torques.plot(x_m, columns["torque_n_m"], color=GREEN)
     for share in (0.7, 1.0):

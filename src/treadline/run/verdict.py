@@ -25,14 +25,14 @@ from treadline.vehicle.bodies import centre_of_mass, oversized_lugs
 from treadline.vehicle.climb import Climb, climb_of
 from treadline.vehicle.linkage import SeatLinkage
 from treadline.vehicle.loading import Loading
-from treadline.vehicle.rest_poses import rest_chair
+from treadline.vehicle.rest_poses import nosings_of, rest_chair
 from treadline.vehicle.staircase import as_designed
 from treadline.vehicle.start_checks import checked_start
 from treadline.vehicle.start_pose import length_m
 from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD, UNKNOWN_RAD, Margins, sideways_margins
 from treadline.vehicle.tracks import minimum_track_length, nosings_touched, track_on_stair_m
 from treadline.vehicle.traction import friction_needed, friction_use, shortage
-from treadline.vehicle.walk import Stride, Walk
+from treadline.vehicle.walk import QUIET_RAD_S, Stride, Walk
 from treadline.vehicle.way import QUIET_M_S, find_way
 
 if TYPE_CHECKING:
@@ -48,8 +48,6 @@ TURNED_RAD = 2.0 * DEG
 the deviation of a run."""
 SIDES = ("uphill", "downhill", "left", "right")
 """Directions of tipping."""
-QUIET_RAD_S = 15.0 * DEG
-"""Pitch rate of a quiet drive [rad/s]: the planner turns a chair at 9°/s, and half as much again remains for nosings."""
 LEAST_RAD = MARGIN_LIMIT_RAD - UNKNOWN_RAD
 """Least tip-over margin on the way [rad]."""
 SHIFTS_M = (0.02, -0.02, 0.05, -0.05, 0.1, -0.1)
@@ -225,7 +223,7 @@ def _by_another_motion(walked: Walk, chair: ChairDescription) -> str:
     if chair.flipper is None:
         return ""
     low_deg, high_deg = chair.flipper.range_deg
-    start, nosings = walked.strides[0].pose, walked.ground[walked.ground[:, 2] > 0.0, 0]
+    start, nosings = walked.strides[0].pose, nosings_of(walked.ground)[:, 0]
     end_m = float(nosings[-1 if start.x_m < nosings[0] else 0]) + math.copysign(chair.reach_m, nosings.mean() - start.x_m)
     way = find_way(walked.chair, [walked.ground], start, end_m, (low_deg * DEG, high_deg * DEG))
     if way is None or way.margin_rad < LEAST_RAD or way.fall_m_s > QUIET_M_S:
@@ -251,7 +249,7 @@ def _fault_of(walked: Walk) -> str | None:
 
 def _where(walked: Walk, stride: Stride) -> str:
     """Return the place of an instant in words."""
-    ends = walked.ground[np.flatnonzero(walked.ground[:, 2] > 0.0), 0]
+    ends = nosings_of(walked.ground)[:, 0]
     nearest = int(np.argmin(np.abs(ends - stride.pose.com_m[0]))) if ends.size else 0
     named = "the last nosing" if nearest == ends.size - 1 else f"nosing {nearest}"
     return f"at {named}, {stride.t_s:.0f} s after the start ({stride.phase})"

@@ -127,7 +127,6 @@ class _Walker:
             for seen in self._camera.look(self._t_s, rotation_y(-self._pose.pitch_rad), p_WB):
                 if isinstance(seen, StairMap):
                     self._planner.update(seen)
-                del seen
         return HeadingEstimate(t_s=self._t_s, heading_rad=0.0, heading_rate_rad_s=0.0, sigma_rad=0.01 * DEG, source="vision")
 
     def _torque(self) -> float:

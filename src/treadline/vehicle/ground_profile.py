@@ -1,4 +1,4 @@
-"""Ground along the middle of a straight drive, as a polyline in the vertical plane: ``Staircase -> GroundProfile``."""
+"""Ground along the middle of a straight drive, as a polyline in the vertical plane: ``Staircase -> Ground``."""
 
 import math
 

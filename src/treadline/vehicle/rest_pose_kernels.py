@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from treadline.core.kernel_cache import njit
+from treadline.scenario.chair import GRAVITY_M_S2
 
 PART = ("x_m", "z_m", "length_m", "radius_m", "offset_rad", "sign", "joint")
 """Columns of a part: a capsule from a point in B over a length, at ``offset + sign · angle of its joint`` to the flat run; joint -1
@@ -231,7 +232,7 @@ def describe(th: float, x: float, angles: Any, parts: Any, masses: Any, ground: 
     out[12] = _margin(high + SUPPORT_RAD, -1.0, rear, front, low, x, body, weighs, ground, torques)
     out[13], out[14] = front[6], rear[6]
     out[15:] = 0.0
-    weight_n = 9.81 * (weighs[0] + weighs[3])
+    weight_n = GRAVITY_M_S2 * (weighs[0] + weighs[3])
     holds = share * front[5] + (1.0 - share) * rear[5]  # the part of its normal force that each contact adds along the ground
     for which in range(2):
         at, borne = (front, share) if which == 0 else (rear, 1.0 - share)
@@ -274,7 +275,7 @@ def _margin(
         place, high, joint = at[3], at[4], int(body[at[6], 5])
         if joint >= 0:
             lever = abs(place - _axis(at[6], th, x, body))
-            borne = min(torques[joint] / max(9.81 * (weighs[0] + weighs[3]) * lever, 1e-9), 1.0)
+            borne = min(torques[joint] / max(GRAVITY_M_S2 * (weighs[0] + weighs[3]) * lever, 1e-9), 1.0)
             place, high = last + borne * (place - last), low + borne * (high - low)
         if way * (place - most) > 0.0:
             most, height = place, high

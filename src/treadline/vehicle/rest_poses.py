@@ -158,6 +158,11 @@ class RestChair:
         return min(one.front_margin_rad for one in poses), min(one.rear_margin_rad for one in poses)
 
 
+def nosings_of(ground: Ground) -> Ground:
+    """Return the vertices of a ground that are nosings: those that are rounded."""
+    return ground[ground[:, 2] > 0.0]
+
+
 def fall_to(rests: RestPose, angle_rad: float, drop_m: float) -> Fall:
     """Return a fall that ends in a pose: a point mass that has sunk turns about the contact that bears it."""
     rate_rad_s = math.sqrt(2.0 * GRAVITY_M_S2 * drop_m) / math.dist(rests.com_m, rests.pivot_m)
@@ -170,7 +175,6 @@ def rest_chair(
     *,
     offset_m: Point = NOWHERE,
     seat_shift_m: float = 0.0,
-    torque_n_m: float | None = None,
 ) -> RestChair:
     """Return a chair with its load as it rests on the ground.
 
@@ -178,7 +182,6 @@ def rest_chair(
         payload_kg: Mass of the payload.
         offset_m: Payload's centre of mass off its nominal place.
         seat_shift_m: Shift of the seat along the chair.
-        torque_n_m: Torque of the flipper's motor, in place of the chair's own.
     """
     tracks, flipper, seat = chair.tracks, chair.flipper, chair.seat
     half_m, radius_m = 0.5 * tracks.flat_run_m, tracks.pulley_radius_m
@@ -197,9 +200,7 @@ def rest_chair(
     place = (hinge_x + shift_m, hinge_z, out_x + offset_m[0], out_z + offset_m[2])
     masses.append((chair.empty_seat_kg + payload_kg, *place, low_rad, high_rad))
     torque = 0.0 if flipper is None else flipper.torque_n_m
-    return RestChair(
-        parts=np.array(parts), masses=np.array(masses), torques_n_m=np.array([torque if torque_n_m is None else torque_n_m])
-    )
+    return RestChair(parts=np.array(parts), masses=np.array(masses), torques_n_m=np.array([torque]))
 
 
 @cache

@@ -5,8 +5,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
+from treadline.core.angles import DEG
 from treadline.core.printing import Plottable
 from treadline.vehicle.rest_poses import Fall, Ground, RestChair, RestPose
+
+QUIET_RAD_S = 15.0 * DEG
+"""Pitch rate of a quiet drive [rad/s]: the planner turns a chair at 9°/s, and half as much again remains for nosings."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

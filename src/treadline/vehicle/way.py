@@ -1,8 +1,8 @@
 """Way: how belts and flipper take a chair over any ground, with the least fall under what is not known, then in the least time.
 
-``RestChair, grounds, start -> Way``. A shortest path over place, flipper angle and branch of the rest pose, both directions alike:
-there is no case for kerb, foot, crest, edge, or a low step. Each move follows the rest pose in small parts, so that a pose that
-vanishes on the way is a fall, priced by the speed with which it ends. The prices are seconds of the drive.
+``RestChair, grounds, start -> PlannedWay``. A shortest path over place, flipper angle and branch of the rest pose, both
+directions alike: there is no case for kerb, foot, crest, edge, or a low step. Each move follows the rest pose in small parts, so
+that a pose that vanishes on the way is a fall, priced by the speed with which it ends. The prices are seconds of the drive.
 """
 
 import math
@@ -15,7 +15,7 @@ from jaxtyping import Float
 from treadline.core.angles import DEG
 from treadline.core.errors import MechanicsError
 from treadline.scenario.chair import GRAVITY_M_S2
-from treadline.vehicle.rest_poses import Ground, RestChair, RestPose
+from treadline.vehicle.rest_poses import Ground, RestChair, RestPose, nosings_of
 from treadline.vehicle.way_kernels import search
 
 PLACE_M, ANGLE_RAD = 0.025, 2.5 * DEG
@@ -72,7 +72,6 @@ def find_way(
     range_rad: tuple[float, float],
     *,
     friction: float = math.inf,
-    goal_rad: tuple[float, float] | None = None,
     place_m: float = PLACE_M,
     angle_rad: float = ANGLE_RAD,
 ) -> PlannedWay | None:
@@ -84,7 +83,6 @@ def find_way(
         end_m: Place of mid-track at the end.
         range_rad: Range of the flipper.
         friction: Friction that the belts find.
-        goal_rad: Range of the flipper's angle at the end; any by default.
         place_m: Step of the place.
         angle_rad: Step of the flipper's angle.
 
@@ -95,7 +93,7 @@ def find_way(
         raise MechanicsError("a place, height or radius of the ground is not a number; give metres")
     found = None
     for share in TORQUE_SHARES:
-        way = _way(chair, grounds, start, end_m, range_rad, share, friction, goal_rad or range_rad, place_m, angle_rad)
+        way = _way(chair, grounds, start, end_m, range_rad, share, friction, place_m, angle_rad)
         if way is not None and (found is None or way.margin_rad > found.margin_rad):
             found = way
         if found is not None and found.margin_rad >= KEEPS_RAD:
@@ -111,7 +109,6 @@ def _way(
     range_rad: tuple[float, float],
     share: float,
     friction: float,
-    goal_rad: tuple[float, float],
     place_m: float,
     angle_rad: float,
 ) -> PlannedWay | None:
@@ -122,7 +119,10 @@ def _way(
     steps = np.arange(math.ceil(low - 1e-9), high + 1e-9)
     angles = start.angles_rad[0] + angle_rad * steps
     torque = share * chair.torques_n_m[0] if range_rad[0] < range_rad[1] else math.inf
-    limits = np.array([torque, friction, ERROR_M, steepest_rad(grounds[0])])
+    rises = np.diff(nosings_of(grounds[0]), axis=0)
+    # A single nosing has no line to the next one: no pitch is above it.
+    steepest_rad = np.arctan2(rises[:, 1], rises[:, 0]).max() if rises.size else 0.5 * math.pi
+    limits = np.array([torque, friction, ERROR_M, steepest_rad])
     rows, cost = search(
         np.stack(grounds),
         chair.parts,
@@ -131,7 +131,6 @@ def _way(
         places,
         angles,
         np.array([0.0, float(np.argmin(np.abs(steps))), start.pitch_rad]),
-        np.array([goal_rad[0] - 1e-9, goal_rad[1] + 1e-9]),
         limits,
         np.array([SPEED_M_S, FLIPPER_RAD_S, PITCH_RAD_S]),
         np.array(PRICES),
@@ -144,17 +143,8 @@ def _way(
 
 def _places(start_m: float, end_m: float, ground: Ground, step_m: float) -> Float[np.ndarray, " n"]:
     """Return the grid of places from start to end, laid from the uppermost nosing so that it does not depend on the start."""
-    sign, nosings = math.copysign(1.0, end_m - start_m), ground[ground[:, 2] > 0.0, 0]
-    anchor_m = float(nosings[-1]) if nosings.size else start_m
+    sign, nosings = math.copysign(1.0, end_m - start_m), nosings_of(ground)
+    anchor_m = float(nosings[-1, 0]) if nosings.size else start_m
     first, last = ((place - anchor_m) / (sign * step_m) for place in (start_m, end_m))
     between = anchor_m + sign * step_m * np.arange(math.floor(first + 1e-6) + 1, math.ceil(last - 1e-6))
     return np.array([start_m, *between, end_m])
-
-
-def steepest_rad(ground: Ground) -> float:
-    """Return the slope of the steepest line from one rounded nosing to the next [rad]; π/2 where there are not two."""
-    nosings = ground[ground[:, 2] > 0.0]
-    if len(nosings) < 2:
-        return math.pi / 2.0
-    steps = np.diff(nosings, axis=0)
-    return float(np.arctan2(steps[:, 1], steps[:, 0]).max())

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 
 from treadline.core.kernel_cache import njit
+from treadline.scenario.chair import GRAVITY_M_S2
 from treadline.vehicle.rest_pose_kernels import JUMP_RAD, RESTS, describe, follow, posture, settle
 
 BRANCHES = 3
 """Most rest poses of one place and flipper angle; more than three have not been seen."""
 SAME_RAD = math.radians(0.6)
 """Pitches that are one rest pose [rad]: just below the least angle between two rest poses of a place."""
-GRAVITY_M_S2 = 9.81
 
 
 @njit(cache=True)
@@ -25,7 +25,6 @@ def search(
     places: Any,
     angles: Any,
     start: Any,
-    goal: Any,
     limits: Any,
     rates: Any,
     prices: Any,
@@ -37,7 +36,6 @@ def search(
         places: Grid of places in the order of the drive [m].
         angles: Grid of flipper angles [rad].
         start: Index of place and angle, and pitch at the start.
-        goal: Range of the flipper's angle at the last place [rad].
         limits: Most torque [N m], most friction, error of the centre of mass along the chair [m], steepest line of the ground
             [rad].
         rates: Speed of belts [m/s], flipper and pitch [rad/s].
@@ -72,7 +70,7 @@ def search(
             continue
         closed[node] = True
         i, j = node // (wide * BRANCHES), node // BRANCHES % wide
-        if i == count - 1 and goal[0] <= angles[j] <= goal[1]:
+        if i == count - 1:
             return _path(node, parent, places, angles, pitch, falls, unknown), cost[node : node + 1]
         for step in range(-1, 2):
             for turn in range(-1, 2):
@@ -96,9 +94,7 @@ def search(
                     continue
                 if math.isnan(pitch[to, 0]):
                     pitch[to] = there
-                    rate[to], unknown[to] = _rate(
-                        there, places[to_i], angles[to_j : to_j + 1], parts, masses, grounds, torques, limits, prices
-                    )
+                    rate[to], unknown[to] = _rate(there, places[to_i], after, parts, masses, grounds, torques, limits, prices)
                 if rate[to] == np.inf:
                     continue
                 turned = abs(there[0] - pitch[node, 0])
