@@ -158,7 +158,7 @@ class RestChair:
         return min(one.front_margin_rad for one in poses), min(one.rear_margin_rad for one in poses)
 
 
-def nosings_of(ground: Ground) -> Ground:
+def nosings_of(ground: Ground) -> Float[np.ndarray, "nosings 3"]:
     """Return the vertices of a ground that are nosings: those that are rounded."""
     return ground[ground[:, 2] > 0.0]
 
