@@ -116,7 +116,7 @@ test-browser: $(VENV)/.browser
 		{ [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; } || \
 		{ echo "test-browser: skipped, Chromium is not installed, and only root of a Debian can: apt-get install $(CHROMIUM)"; exit 0; }; \
 	command -v chromium >/dev/null && command -v chromedriver >/dev/null || { $(call apt,$(CHROMIUM)); } || exit 2; \
-	TREADLINE_TEST_BROWSER=1 $(BIN)/python -m pytest tests/browser tests/report/test_player.py tests/report/test_touch.py
+	TREADLINE_TEST_BROWSER=1 $(BIN)/python -m pytest $(RERUN) tests/browser tests/report/test_player.py tests/report/test_touch.py
 
 CHROMIUM := chromium chromium-driver
 ROS1 := ros-core python3-rospy python3-rosbag python3-rostest python3-roslaunch python3-rostopic python3-sensor-msgs \

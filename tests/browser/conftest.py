@@ -31,6 +31,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.skip(reason=reason))
 
 
+UNCOVERED = """b => {
+  b.scrollIntoView({ block: "nearest" });
+  const { x, y, width, height } = b.getBoundingClientRect();
+  return b.contains(document.elementFromPoint(x + width / 2, y + height / 2));
+}"""
+"""Whether a click on the middle of an element reaches it."""
+
+
 class ViewerPage(Page):
     """Page of ``treadline view``."""
 
@@ -48,8 +56,10 @@ class ViewerPage(Page):
         return self.until(lambda: self.run(f"return {script}"), what)
 
     def click(self, label: str) -> None:
+        """Click the button with a label, once nothing that opens or closes covers it."""
         buttons = "[...document.querySelectorAll('button, [role=tab]')]"
-        self.element(f"{buttons}.find(b => b.innerText.trim() === {json.dumps(label)})", f"the button {label!r}").click()
+        found = f"{buttons}.filter(b => b.innerText.trim() === {json.dumps(label)}).find({UNCOVERED})"
+        self.element(found, f"the button {label!r}").click()
 
     def field(self, label: str) -> Any:
         """Return the list or the check box with a label."""
@@ -146,10 +156,10 @@ def demo() -> Iterator[str]:
 LONG = "[start]\nplace = 'flight'\nstep = 4\nheading_deg = 6.0\n[drive]\nduration_s = 300.0\ncheck = false\n[stair]\nsteps = 80\n"
 
 
-@pytest.fixture(scope="session")
-def live(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+@pytest.fixture
+def live(tmp_path: Path) -> Iterator[str]:
     """Live run that may be commanded, with the camera's images."""
-    scenario = tmp_path_factory.mktemp("scenario") / "live.toml"
+    scenario = tmp_path / "live.toml"
     scenario.write_text(LONG)
     with served(str(scenario), "--control") as url:
         yield url
