@@ -1,7 +1,7 @@
 """Draw the states of a traversal: ``python docs/tools/automaton.py docs/drawings``.
 
-Names, behaviours, exits and time limits come from the tables of ``mission.ascent_states`` and ``mission.descent_states``, the words
-from the docstrings of their functions.
+Names, behaviours, exits and time limits come from the table of ``mission.traversal``, the words from the docstrings of its
+functions.
 """
 
 import math
@@ -12,8 +12,7 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from treadline.mission.ascent_states import STATES_UP
-from treadline.mission.descent_states import STATES_DOWN
+from treadline.mission.traversal import Direction, State, table_of
 
 WIDTH, BOX, LINE, GAP, LANE = 1160, 250, 17, 16, 12
 LANES = 11
@@ -27,31 +26,32 @@ def words(function: Any) -> str:
     return str(function.__doc__).splitlines()[0].rstrip(".")
 
 
-def drawing(states: tuple[Any, ...]) -> str:
-    """Return the drawing of one table as SVG text: a box for each state, its exits next to it, and an arrow to each next state."""
+def drawing(direction: Direction) -> str:
+    """Return the drawing of one direction as SVG text: a box for each state, its exits next to it, an arrow to each next state."""
+    table = table_of(direction)
     tops, top = {}, GAP
-    for state in states:
+    for state, exits in table.items():
         tops[state.name] = top
-        top += LINE * max(2, len(state.exits)) + GAP + 8
+        top += LINE * max(2, len(exits)) + GAP + 8
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {top}" font-family="sans-serif" font-size="12">',
         f'<rect width="{WIDTH}" height="{top}" fill="#ffffff"/>',
     ]
     lane = 0
-    for state in states:
-        y, height = tops[state.name], LINE * max(2, len(state.exits)) + 8
+    for state, exits in table.items():
+        y, height = tops[state.name], LINE * max(2, len(exits)) + 8
         parts += _box(state, y, height)
-        for row, (when, to) in enumerate(state.exits.items()):
-            line_y, colour = y + 17 + LINE * row, COLOURS.get(to, "#0072b2")
-            parts.append(f'<text x="{LEFT + BOX + 14}" y="{line_y}" fill="#345">{escape(words(when))}</text>')
-            parts.append(f'<text x="{WIDTH - 8}" y="{line_y}" fill="{colour}" text-anchor="end">→ {to}</text>')
-        for to in dict.fromkeys(to for to in state.exits.values() if to in tops):
+        for row, end in enumerate(exits):
+            line_y, colour = y + 17 + LINE * row, COLOURS.get(end.to, "#0072b2")
+            parts.append(f'<text x="{LEFT + BOX + 14}" y="{line_y}" fill="#345">{escape(words(end.when))}</text>')
+            parts.append(f'<text x="{WIDTH - 8}" y="{line_y}" fill="{colour}" text-anchor="end">→ {end.to}</text>')
+        for to in dict.fromkeys(end.to for end in exits if end.to in tops):
             parts.append(_arrow(y + 0.5 * height, tops[to] + 12, 14 + LANE * (lane % LANES), COLOURS.get(to, "#0072b2")))
             lane += 1
     return "\n".join([*parts, "</svg>", ""])
 
 
-def _box(state: Any, y: float, height: float) -> list[str]:
+def _box(state: State, y: float, height: float) -> list[str]:
     summary = textwrap.shorten(re.split("[,:;]", words(state.behaviour))[0], 38, placeholder=" …")
     limit = "" if math.isinf(state.limit_s) else f"≤ {state.limit_s:g} s without progress"
     return [
@@ -72,8 +72,9 @@ def _arrow(from_y: float, to_y: float, x: float, colour: str) -> str:
 def main() -> None:
     """Write both drawings."""
     folder = Path(sys.argv[1])
-    for name, states in (("states-up", STATES_UP), ("states-down", STATES_DOWN)):
-        (folder / f"{name}.svg").write_text(drawing(states), encoding="utf-8")
+    directions: tuple[Direction, ...] = ("up", "down")
+    for direction in directions:
+        (folder / f"states-{direction}.svg").write_text(drawing(direction), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -1,12 +1,12 @@
-"""The simulated world of unit tests: signals with defaults, a straight flight, and a chair that does what its plan says.
+"""Signals with defaults, for tests of loop, planners and guard, and the nosings of a straight flight as a chair sees them.
 
-Loop, planners and guard are tested with these signals. Nothing here is computed by the code under test, except rotations.
+Nothing here is computed by the code under test, except rotations.
 """
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from treadline.core.signals import (
     HeadingHealth,
     HeadingMeasurement,
     ImuSample,
-    MotionPlan,
     StairMap,
     TrackReading,
 )
@@ -33,8 +32,6 @@ RISE_M, RUN_M = 0.16, 0.30
 SLOPE_RAD, PITCH_M = math.atan2(RISE_M, RUN_M), math.hypot(RISE_M, RUN_M)
 CHAIR = read_chair("wheelchair")
 CONFIG = MissionConfig(chair=CHAIR, payload_kg=50.0, climb_speed_m_s=0.2)
-PIVOT_M = 0.5 * CHAIR.tracks.flat_run_m
-"""Distance of each pulley from mid-track."""
 
 
 def imu(
@@ -156,117 +153,10 @@ class Place:
 
     def nosing_B(self, k: int) -> list[float]:
         """Return where the chair's middle plane meets nosing k."""
+        return self.in_B(self.first_m + k * RUN_M, (k + 1) * RISE_M)
+
+    def in_B(self, x_m: float, z_m: float) -> list[float]:
+        """Return where the chair's middle plane meets a nosing at a place and height."""
         c, s = math.cos(self.pitch_rad), math.sin(self.pitch_rad)
-        along = (self.first_m + k * RUN_M - self.x_m) / math.cos(self.heading_rad)
-        up = (k + 1) * RISE_M - self.z_m
+        along, up = (x_m - self.x_m) / math.cos(self.heading_rad), z_m - self.z_m
         return [along * c + up * s, 0.0, up * c - along * s]
-
-
-@dataclass(kw_only=True)
-class World(Place):
-    """A chair without dynamics at a flight, its planner, and a camera; a subclass moves the chair and frames the view."""
-
-    DIRECTION: ClassVar[Literal["up", "down"]]
-
-    planner: Any
-    steps: int = 8
-    knows: bool = True
-    """Whether the filter has a heading."""
-    flipper_rad: float = 0.7
-    flipper_moves: bool = True
-    tip_n_m: float = 0.0
-    """Torque that the flipper's motor reports."""
-    brake_on: bool = False
-    spoil: Callable[[StairMap], StairMap | None] = lambda seen: seen
-    """What the camera makes of a map."""
-
-    def __post_init__(self) -> None:
-        self.t_s = self.turned = self.belts_m_s = self.speeds_up_m_s2 = 0.0
-        self.maps = 0
-        self.plans: list[MotionPlan] = []
-
-    def move(self, plan: MotionPlan) -> None:
-        """Do what the last plan says: pose, belt speed, flipper."""
-        raise NotImplementedError
-
-    def in_view(self, x_m: float) -> bool:
-        """Return whether the camera sees a nosing at this distance ahead of mid-track."""
-        raise NotImplementedError
-
-    def ends(self, nosings: list[tuple[int, list[float]]]) -> bool:
-        """Return whether the end of the flight is in view."""
-        raise NotImplementedError
-
-    def run(self, *until: str, limit_s: float = 60.0) -> MotionPlan:
-        """Tick until a phase has begun, or for the time given."""
-        end_s = self.t_s + limit_s
-        while self.t_s < end_s:
-            plan = self.tick()
-            if plan.phase in until:
-                return plan
-        assert not until, f"still in {plan.phase}: {plan.cause}"
-        return plan
-
-    def until_held(self, limit_s: float = 60.0) -> str:
-        """Tick until the plan asks for a hold, and return its cause."""
-        end_s = self.t_s + limit_s
-        while (cause := self.tick().hold) is None:
-            assert self.t_s < end_s, f"not held, {self.plans[-1].phase}: {self.plans[-1].cause}"
-        return cause
-
-    def flipper_rate(self, angle_rad: float, torque_n_m: float = 0.0) -> float:
-        """Return the rate that the planner asks of a flipper, now and square to the stair."""
-        self.planner.update(flipper(self.t_s, angle_rad, torque_n_m))
-        asked = self.planner.step(self.t_s, estimate(self.t_s)).flipper
-        return float(asked.rate_rad_s)
-
-    def tick(self) -> MotionPlan:
-        self.move(self.plans[-1] if self.plans else MotionPlan(t_s=0.0, phase="search", speed_m_s=0.0))
-        for signal in self.senses():
-            self.planner.update(signal)
-        plan: MotionPlan = self.planner.step(self.t_s, estimate(self.t_s, self.heading_rad) if self.knows else None)
-        self.plans.append(plan)
-        self.t_s += TICK_S
-        return plan
-
-    def senses(self) -> list[Any]:
-        signals: list[Any] = [
-            belts(self.t_s, self.belts_m_s, self.belts_m_s, brake_on=self.brake_on),
-            flipper(self.t_s, self.flipper_rad, self.tip_n_m),
-            imu(self.t_s, self.pitch_rad, rates_rad_s=(0.0, 0.0, self.turned), speeds_up_m_s2=self.speeds_up_m_s2),
-        ]
-        if round(self.t_s / TICK_S) % 10 == 0:
-            self.maps += 1
-            seen = self.spoil(self.camera())
-            signals += [] if seen is None or len(seen.nosings_B) < min(2, self.steps) else [seen]
-        return signals
-
-    def camera(self) -> StairMap:
-        """Return the map of the nosings in view, the nearest first."""
-        order = range(self.steps) if self.DIRECTION == "up" else reversed(range(self.steps))
-        nosings = [(k, place) for k in order if self.in_view((place := self.nosing_B(k))[0])]
-        return stair(
-            self.t_s,
-            [place for _, place in nosings],
-            direction=self.DIRECTION,
-            ends=bool(nosings) and self.ends(nosings),
-            left_seen_m=1.0,
-            right_seen_m=1.0,
-        )
-
-    def turn(self, half_difference_m_s: float) -> None:
-        """Turn the chair by the belts: a slip ratio that makes it turn at 1/1.6 of the belts' kinematic rate."""
-        self.turned = 2.0 * half_difference_m_s / CHAIR.tracks.gauge_m / 1.6
-        self.heading_rad += self.turned * TICK_S
-
-    @property
-    def phases(self) -> list[str]:
-        return [plan.phase for k, plan in enumerate(self.plans) if k == 0 or plan.phase != self.plans[k - 1].phase]
-
-
-def steeper(seen: StairMap) -> StairMap:
-    """Return the map of a flight with rise 0.20 m and run 0.27 m in the place of another one, for a chair on the level."""
-    nosings = np.array(seen.nosings_B)
-    nosings[:, 0] = nosings[0, 0] + (nosings[:, 0] - nosings[0, 0]) * 0.27 / RUN_M
-    nosings[:, 2] *= 0.20 / RISE_M
-    return replace(seen, nosings_B=nosings, rise_m=0.20, run_m=0.27, slope_rad=math.atan2(0.20, 0.27))

@@ -1,10 +1,8 @@
-"""Known nosings relative to the chair: what is crossed, how steep it is, and where a flipper lies."""
+"""Known nosings relative to the chair: their places, and where belts and flipper lie on them."""
 
 import math
-from dataclasses import replace
 
 import pytest
-from chassis import known
 from world import RISE_M, RUN_M, SLOPE_RAD, belts, imu, stair
 
 from treadline.core.angles import DEG
@@ -38,19 +36,7 @@ def test_the_tracker_gives_places_along_the_belts_and_heights_above_them() -> No
         for found, (x, _, z) in zip(around.nosings, places, strict=True):
             assert (found.ahead_m, found.above_m) == pytest.approx((x, z), abs=1e-6)
         assert all(found.sigma_m < 0.005 for found in around.nosings)
-        assert around.steepest[0] == pytest.approx(SLOPE_RAD)
     assert StairTracker().around(0.475) is None
-
-
-@pytest.mark.parametrize(
-    ("top_deg", "pitch_deg", "before_top"), [(28, 28, 0), (20, 28, 1), (20, 20, 0), (36, 33, 0), (27.5, 28, 0)]
-)
-def test_the_crossed_nosing_is_the_uppermost_that_bears_the_belts(top_deg: float, pitch_deg: float, before_top: int) -> None:
-    """Test: last steps as steep as the flight, less steep, and steeper. Expected result: a chair on the flight below a low last
-    step turns about the nosing before the last, and about the last once it lies on that; half a degree is no difference."""
-    around = known(pitch_deg * DEG, 0.3, [top_deg * DEG, SLOPE, SLOPE])
-    assert around.crossed == around.nosings[-1 - before_top]
-    assert around.landing_m == pytest.approx(0.34 * math.sin(top_deg * DEG) * before_top)
 
 
 @pytest.mark.parametrize(
@@ -65,23 +51,19 @@ def test_a_flipper_lies_on_the_nosings_below_it_and_passes_over_those_before_it(
 
 
 @pytest.mark.parametrize(
-    ("slopes_deg", "rise_m", "ahead_m", "lies_deg"),
+    ("heights_m", "pitch_deg"),
     [
-        ((28.0, 28.0), 0.16, 0.0, 28.0),
-        ((), 0.10, 0.0, 11.96),
-        ((), 0.10, 0.40, 6.53),
-        ((), 0.60, 0.0, 90.0),
-        ((28.0,), 0.16, 0.4, 21.09),
+        pytest.param((0.10,), 11.96, id="a kerb"),
+        pytest.param((0.60,), 90.0, id="higher than the rear reaches"),
+        pytest.param((0.16, 0.32), 39.76, id="two steps"),
     ],
-    ids=["a flight", "a kerb", "a kerb, the rear further away", "higher than the rear reaches", "two steps, the rear on the floor"],
 )
-def test_the_belts_lie_on_the_next_nosing_or_with_the_rear_on_the_floor(
-    slopes_deg: tuple[float, ...], rise_m: float, ahead_m: float, lies_deg: float
-) -> None:
-    """Test: flights and single steps, the edge at mid-track or further ahead. Expected result: the slope, or if smaller the angle
-    at which the edge's height is the distance to the rear pulley's axis times the sine, and its radius less its cosine part."""
-    around = replace(known(0.0, -1.5, [deg * DEG for deg in slopes_deg]), rise_m=rise_m)
-    assert around.lies(AXIS_M, ahead_m, 0.07)[0] / DEG == pytest.approx(lies_deg, abs=0.01)
+def test_with_the_edge_at_mid_track_the_rear_stands_on_the_floor(heights_m: tuple[float, ...], pitch_deg: float) -> None:
+    """Test: steps before a level chair. Expected result: the edge's height is the distance to the rear pulley's axis times the
+    sine, and its radius less its cosine part."""
+    nosings = tuple(KnownNosing(0.5 + 0.30 * k, height_m, 0.001) for k, height_m in enumerate(heights_m))
+    around = KnownNosings(0.0, nosings, rise_m=heights_m[0])
+    assert around.floor_rad(AXIS_M, 0.07) / DEG == pytest.approx(pitch_deg, abs=0.01)
 
 
 @pytest.mark.parametrize(

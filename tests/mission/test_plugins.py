@@ -10,11 +10,11 @@ import pytest
 from treadline.core.errors import SettingsError
 from treadline.core.signals import TrackCommand
 from treadline.estimation import HeadingFilter
-from treadline.mission.ascent_states import Ascent
 from treadline.mission.mission_blocks import build_blocks, warm_up
 from treadline.mission.mission_config import MissionConfig, Plugins, is_full_traversal
 from treadline.mission.planner import Cruise
 from treadline.mission.plugins import load_plugin
+from treadline.mission.traversal import Traversal
 from treadline.scenario.chair import read_chair
 
 CHAIR = read_chair("wheelchair")
@@ -96,7 +96,7 @@ def test_a_controller_that_follows_the_plan_gets_every_phase_of_a_traversal() ->
     assert isinstance(blocks.driver, Own)
     assert blocks.driver.config is config
     assert is_full_traversal(config)
-    assert isinstance(blocks.planner, Ascent)
+    assert isinstance(blocks.planner, Traversal)
     assert blocks.guard.config.watches_slip
     assert blocks.guard.config.driver_timeout_s == pytest.approx(0.3)  # three of its periods
 
@@ -108,7 +108,7 @@ def test_a_controller_that_does_not_follow_the_plan_drives_the_flight_alone() ->
 
 
 def test_a_detector_without_a_stair_map_drives_the_flight_alone() -> None:
-    assert isinstance(build_blocks(configured(controller=Own, detector=Blind)).planner, Ascent)
+    assert isinstance(build_blocks(configured(controller=Own, detector=Blind)).planner, Traversal)
     blocks = build_blocks(configured(controller=Own, detector=HeadingOnly))
     assert isinstance(blocks.planner, Cruise)
     assert isinstance(blocks.detector, HeadingOnly)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from world import flipper
 
 from treadline.core.angles import DEG
 from treadline.core.camera_images import RgbdFrame
@@ -54,6 +55,14 @@ def test_values_are_held_until_the_next_and_unknown_before_the_first() -> None:
     assert recording.command_m_s[10, 0] == pytest.approx(0.01)
     # 0.25 m/s for all but the first tick.
     assert recording.belt_travel_m[-1, 1] == pytest.approx(0.25 * 0.01 * (TICKS - 1), rel=1e-9)
+
+
+def test_a_flipper_that_only_its_motor_holds_bears_no_load_and_one_with_a_load_its_torque() -> None:
+    chair = read_chair("wheelchair")
+    own_n_m = 0.5 * chair.tracks.approach_m * chair.flipper.mass_kg * 9.81
+    for load_n_m in (0.0, 60.0):
+        run = built([(truth(0), 0.0), (flipper(0.0, -20.0 * DEG, own_n_m - load_n_m), 0.0)])  # level, at a pitch of 20°
+        assert run.columns["torque_n_m"][0] == pytest.approx(load_n_m)
 
 
 def test_phases_span_the_run_with_their_causes() -> None:

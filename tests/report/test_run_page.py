@@ -15,15 +15,18 @@ from hypothesis import strategies as st
 from treadline.core.errors import SettingsError
 from treadline.core.ports import Truth
 from treadline.io.mcap_log import RunLog
-from treadline.io.runs import read_series
-from treadline.playback import read_recording
+from treadline.io.runs import WALKED, read_series, write_series
+from treadline.playback import Recording, read_recording
 from treadline.report import write_report
 from treadline.report._results import Manifest, RunResult
 from treadline.report._run_page import headline
 from treadline.report.labels import LABELS, score_groups
 from treadline.report.run_figure import single_run
+from treadline.report.walk_figure import walk_figure
 from treadline.run.run_scores import Scores, Trace
 from treadline.vehicle.comfort import comfort, lasting
+from treadline.vehicle.ground_profile import ground_profile
+from treadline.vehicle.rest_poses import rest_chair
 
 from .conftest import Transcript, write_run
 from .pages import PHASES
@@ -100,3 +103,27 @@ def test_the_curves_of_a_log_are_what_the_scores_are_the_peaks_of(run_folder: Pa
     passenger_W = np.array([trace[f"passenger_{axis}_m"] for axis in "xyz"])
     # Stamps are kept to the nanosecond, and differences of places are divided by them twice.
     assert passenger.max() == pytest.approx(comfort(passenger_W, trace["yaw_rad"]).total_m_s2, rel=1e-5)
+
+
+WALK = {name: np.linspace(-1.0, 3.0, 30) + number for number, name in enumerate(sorted(WALKED))}
+
+
+def test_the_figure_of_a_way_has_the_values_planned_dashed_and_those_driven_solid(recording: Recording) -> None:
+    figure = walk_figure(ground_profile(recording.staircase), rest_chair(recording.chair, 0.0), WALK, recording.columns)
+    for dash, columns in (("--", WALK), ("-", recording.columns)):
+        drawn = [line.get_xydata() for axes in figure.axes[1:] for line in axes.lines if line.get_linestyle() == dash]
+        for name in ("pitch_deg", "flipper_deg", "rate_deg_s", "torque_n_m"):
+            wanted = np.column_stack([columns["x_m"], columns[name]])
+            assert any(np.array_equal(values, wanted, equal_nan=True) for values in drawn), (dash, name)
+
+
+def test_the_page_of_a_run_draws_the_way_where_check_walked_it(tmp_path: Path) -> None:
+    folder, drawing = write_run(tmp_path), tmp_path / "figures" / "check.svg"
+    write_report(folder)
+    assert not drawing.exists()
+    write_series(folder, WALK, "check")
+    write_report(folder)
+    assert drawing.exists()
+    (folder / "check.csv").write_text("x_m,z_m\n1,2\n", encoding="utf-8")
+    with pytest.raises(SettingsError, match=r"check\.csv: not the columns of a walk"):
+        write_report(folder)

@@ -10,7 +10,7 @@ from world import CHAIR, CONFIG, belts, estimate, flipper, imu_at
 from treadline.core.angles import DEG
 from treadline.core.signals import HeadingMeasurement, MotionPlan, StairMap
 from treadline.mission import CameraBlock
-from treadline.mission.ascent_states import Ascent
+from treadline.mission.traversal import Traversal
 from treadline.perception import DetectorConfig, StairDetector
 
 FROM_M, TICK_S, TICKS_PER_FRAME, LIMIT_S = 1.3, 0.05, 4, 10.0
@@ -47,7 +47,7 @@ def approach(seed: int, *, half_m: float = CHAIR.swept_half_m, hidden: tuple[str
     }
     road = RecordedDrive(rng, ViewRecipe(**{**fixed, **recipe}))
     camera = CameraBlock(StairDetector(DetectorConfig(swept_half_m=half_m)), CHAIR.swept_half_m)
-    planner = Ascent(CONFIG)
+    planner = Traversal(CONFIG)
     plan, known, phases = MotionPlan(t_s=0.0, phase="search", speed_m_s=0.0), None, ["search"]
     along_m = speed_m_s = 0.0
     flipper_rad = CHAIR.tracks.approach_angle_deg * DEG

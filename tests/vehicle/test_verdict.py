@@ -97,7 +97,7 @@ EIGHT = {"slope_deg": 28, "steps": 8}
 
 @pytest.mark.parametrize(("direction", "ahead_m"), [("up", -0.2), ("down", -0.2), ("up", -0.15)])
 def test_a_proposed_seat_shift_makes_the_walk_quiet(direction: str, ahead_m: float) -> None:
-    """Test: 80 kg that lean back. Expected result: refused for the moment at which the chair would turn too fast, or go; with the
+    """Test: 80 kg that lean back. Expected result: go, or refused for the moment at which the chair would turn too fast; with a
     proposed shift it is go."""
     loading = {"payload_kg": 80, "payload_offset_m": [ahead_m, 0.0, 0.05]}
     report = judge(stair=EIGHT, chair=loading, **UP_AND_DOWN[direction])
@@ -105,23 +105,23 @@ def test_a_proposed_seat_shift_makes_the_walk_quiet(direction: str, ahead_m: flo
         assert report.walk.fastest.rate_rad_s < 15.0 * DEG
         return
     shift_m = report.proposed_seat_shift_m
-    reason = assert_refused_only_for(report, f"shift the seat {1000 * abs(shift_m):.0f} mm uphill")
+    (reason,) = report.reasons
     assert "the chair would turn at" in reason or "are left to tipping" in reason
+    if shift_m is None:
+        assert reason.endswith("take another way")
+        return
+    assert f"shift the seat {1000 * abs(shift_m):.0f} mm uphill" in reason
     assert judge(stair=EIGHT, chair=loading | {"seat_shift_m": shift_m}, **UP_AND_DOWN[direction]).verdict == "go"
 
 
-def test_the_stair_that_tipped_the_chair_is_refused_with_the_moment_at_which_it_tips() -> None:
-    """Test: two steps of 150 by 500 mm down, from which a chair tipped at 29.6°/s after a go. Expected result: refused: the
-    planner lifts the flipper before the weight passes the lower nosing; up the same steps it goes."""
-    stair = {"rise_m": 0.15, "run_m": 0.50, "steps": 2}
-    report = judge(stair=stair, **UP_AND_DOWN["down"])
-    reason = assert_refused_only_for(report, "at nosing 0", "(leave)", "the chair would turn at", "above 15")
-    # A motion of the flipper that keeps it down would be quiet.
-    needed = re.search(r"a motion with (\d+) N m would be quiet", reason)
-    assert needed is not None
-    assert float(needed[1]) <= 0.95 * 200.0
-    assert report.stability_margin_deg["downhill"] < 3.0
-    assert judge(stair=stair, **UP_AND_DOWN["up"]).verdict == "go"
+@pytest.mark.parametrize("direction", UP_AND_DOWN)
+def test_the_stair_that_tipped_the_chair_is_walked_quietly(direction: str) -> None:
+    """Test: two steps of 150 by 500 mm, from which a chair tipped at 29.6°/s after a go: its flipper was lifted before the weight
+    passed the lower nosing. Expected result: go both ways, below 9°/s and with the torque of the motor."""
+    report = judge(stair={"rise_m": 0.15, "run_m": 0.50, "steps": 2}, **UP_AND_DOWN[direction])
+    assert (report.verdict, report.reasons) == ("go", [])
+    assert report.walk.fastest.rate_rad_s < 9.0 * DEG
+    assert max(report.walk.hardest.pose.torques_n_m) < 200.0
 
 
 @pytest.mark.parametrize("direction", UP_AND_DOWN)

@@ -51,14 +51,12 @@ def way_over(tables: dict[str, Any], *, down: bool, begin_m: float = 0.6, payloa
 
 @pytest.mark.parametrize("down", [False, True])
 @pytest.mark.parametrize("name", GROUNDS)
-def test_over_every_ground_a_way_without_a_fall_is_found_that_five_centimetres_of_weight_do_not_upset(
-    name: str, down: bool
-) -> None:
+def test_over_every_ground_a_way_without_a_fall_is_found_that_ten_centimetres_of_weight_do_not_upset(name: str, down: bool) -> None:
     way = way_over(GROUNDS[name], down=down)
     assert way.fall_m_s < 0.02  # the quiet speed: a tenth of a millimetre
-    assert math.sqrt(2.0 * 9.81 * way.unknown_m.max()) < 0.14  # a millimetre
+    assert math.sqrt(2.0 * 9.81 * way.unknown_m.max()) < 0.2  # two millimetres
     assert way.margin_rad > 5.0 * DEG
-    assert way.torque_n_m <= 0.7 * 200.0
+    assert way.torque_n_m <= 0.8 * 200.0  # 70 % are free, what is above has a price
 
 
 @pytest.mark.parametrize("name", ["flight", "kerb", "two low steps"])
@@ -93,10 +91,10 @@ def test_planned_on_seven_grounds_a_way_holds_on_each() -> None:
         assert pose.pitch_rad == pytest.approx(0.0, abs=0.1 * DEG)
 
 
-def test_with_seventy_per_cent_of_the_torque_wherever_that_keeps_five_degrees() -> None:
+def test_only_a_load_that_needs_it_uses_more_than_four_fifths_of_the_torque() -> None:
     light, heavy = (way_over(GROUNDS["high kerb"], down=False, payload_kg=kg) for kg in (60.0, 130.0))
-    assert light.torque_n_m <= 140.0
-    assert 140.0 < heavy.torque_n_m <= 190.0
+    assert light.torque_n_m <= 160.0
+    assert 160.0 < heavy.torque_n_m <= 190.0
 
 
 def test_a_way_needs_no_more_friction_than_there_is_and_there_is_none_on_ice() -> None:

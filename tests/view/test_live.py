@@ -100,6 +100,11 @@ def run() -> Feed:
     return of()
 
 
+def test_a_viewer_receives_the_walk_that_check_made(run: Feed) -> None:
+    walk = resolve(SHORT, None, 5).report.walk
+    assert {name: values.tolist() for name, values in run.way[1].items()} == {n: v.tolist() for n, v in walk.columns.items()}
+
+
 def test_an_unchanged_fork_coincides_to_the_bit(run: Feed) -> None:
     fork = of(pictures=False)
     assert len(run.recording.t_s) == len(fork.recording.t_s) == 201

@@ -28,8 +28,9 @@ from treadline.view._panels import (
     legend_html,
     text_on,
     timeline_html,
+    way_html,
 )
-from treadline.view._plots import LIVE_PLOTS, plot_data, shown_plots
+from treadline.view._plots import LIVE_PLOTS, plot_data, shown_plots, way_lines
 from treadline.view._session import Fork, Session
 
 from ..report.conftest import Transcript  # noqa: TID252 - pytest names the folders; outside of it they are no package
@@ -212,3 +213,18 @@ def test_without_ground_truth_what_was_measured_is_plotted_alone() -> None:
     known = shown_plots(a_run(heading_rad=math.nan, slip=math.nan, margin_rad=math.nan, pitch_rate_rad_s=0.1))
     # Heading, pitch rate, belt speed and seat pitch; neither slip nor tip-over margin.
     assert [plot.curves[0].label for plot in known] == ["estimate ± 2 σ", "measured", "left asked", "measured"]
+
+
+def test_the_way_has_the_values_of_the_walk_and_what_was_driven_up_to_a_marker_that_moves() -> None:
+    """Test: a chair that drives at 0.1 m/s along a walk of 4 m. Expected: the marker passes a quarter of it in 10 s."""
+    ground, x_m = np.array([[-9.0, 0.0, 0.0], [9.0, 0.0, 0.0]]), np.linspace(0.0, 4.0, 50)
+    walk = {"x_m": x_m, "pitch_deg": 3.0 * x_m, "flipper_deg": 9.0 - x_m, "torque_n_m": x_m**2, "z_m": x_m}
+    session = session_of(a_run(pitch_rad=3.0 * DEG, flipper_rad=0.1, flipper_n_m=5.0), 10.0)
+    assert way_html(session) == ""
+    session.feed.way = ground, walk
+    lines, run = way_lines(session.feed.way, session.run, session.cursor_s), session.run
+    assert all(np.array_equal(lines[name][0], np.column_stack([x_m, walk[name]])) for name in list(lines)[1:])
+    assert [lines[name][1][-1].tolist() for name in lines] == [[pytest.approx(1.0), run.columns[name][1000]] for name in lines]
+    assert '"M250.0 ' in way_html(session)
+    session.cursor_s = 20.0
+    assert '"M500.0 ' in way_html(session)

@@ -115,6 +115,7 @@ def test_a_log_without_its_folder_can_be_forked_as_the_folder(folder: Path, tmp_
     whole, alone = open_recorded(str(folder)), open_recorded(str(bare))
     whole.close()
     alone.close()
+    assert [session.feed.way is None for session in (whole, alone)] == [False, True]  # check.csv is a file of the folder
     assert alone.can_repeat
     orders = [session.feed.order for session in (whole, alone)]
     assert (orders[0].scenario, orders[0].seed) == (orders[1].scenario, orders[1].seed)

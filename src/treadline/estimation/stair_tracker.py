@@ -168,7 +168,7 @@ class StairTracker:
         beyond = self._next
         if beyond is None or beyond.map_count < NEXT_MAPS:
             return False
-        return any(abs(nosing.x_m - beyond._x_m) < NEXT_M for nosing in beyond._known)  # noqa: SLF001 - of this class
+        return any(abs(nosing.x_m - beyond.x_m) < NEXT_M for nosing in beyond._known)  # noqa: SLF001 - of this class
 
     @property
     def known(self) -> bool:
@@ -218,7 +218,7 @@ class StairTracker:
 
     def first_ahead_m(self) -> float | None:
         """Return the horizontal distance of the lowest known nosing ahead of mid-track [m]; None without nosings."""
-        return self._known[0].x_m - self._x_m if self._known else None
+        return self._known[0].x_m - self.x_m if self._known else None
 
     def top_ahead_m(self) -> float | None:
         """Return the distance of the highest known nosing ahead of mid-track along the belts [m]; None without nosings."""
@@ -251,7 +251,8 @@ class StairTracker:
         return of.seen_m[1] - moved_m if of.measured else None, of.edge_m - moved_m if is_open and of.edge_m is not None else None
 
     @property
-    def _x_m(self) -> float:
+    def x_m(self) -> float:
+        """Horizontal place of mid-track up the flight [m], in the frame of the tracker."""
         return self._odometry_x_m + self._filter.shift_m[0]
 
     @property
@@ -261,7 +262,7 @@ class StairTracker:
     @property
     def up_m(self) -> float:
         """Place up the flight [m]: along its slope, horizontal before the first map."""
-        return self._x_m * math.cos(self.slope_rad) + self._z_m * math.sin(self.slope_rad)
+        return self.x_m * math.cos(self.slope_rad) + self._z_m * math.sin(self.slope_rad)
 
     @property
     def top_ends(self) -> bool:
@@ -284,10 +285,10 @@ class StairTracker:
 
     def _ahead_m(self, nosing: _Nosing) -> float:
         along = math.cos(self.pitch_rad) / math.cos(self.heading_rad)
-        return (nosing.x_m - self._x_m) * along + (nosing.z_m - self._z_m) * math.sin(self.pitch_rad)
+        return (nosing.x_m - self.x_m) * along + (nosing.z_m - self._z_m) * math.sin(self.pitch_rad)
 
     def _above_m(self, nosing: _Nosing) -> float:
-        return (nosing.z_m - self._z_m) * math.cos(self.pitch_rad) - (nosing.x_m - self._x_m) * math.sin(self.pitch_rad)
+        return (nosing.z_m - self._z_m) * math.cos(self.pitch_rad) - (nosing.x_m - self.x_m) * math.sin(self.pitch_rad)
 
     def _height_sigmas_m(self, bearing: _Nosing | None) -> dict[int, float]:
         """Return the standard deviations of the tracked nosings' heights above the belts' line, by the nosings' identity [m]."""
@@ -394,7 +395,7 @@ class StairTracker:
                 number = self._filter.add((nosing.x_m, nosing.z_m))
                 self._nosings.append(nosing)
             shown.append((number, place))
-        detections = [(number, place, abs(self._nosings[number].x_m - self._x_m)) for number, place in shown]
+        detections = [(number, place, abs(self._nosings[number].x_m - self.x_m)) for number, place in shown]
         self._filter.update(detections, new=[number >= earlier for number, _ in shown])
         for nosing, (x_m, z_m) in zip(self._nosings, self._filter.places_m.tolist(), strict=True):
             nosing.x_m, nosing.z_m = x_m, z_m
@@ -414,7 +415,7 @@ class StairTracker:
         return [edge] if is_next and not is_known and self.pitch_rad < ON_A_FLIGHT_RAD else []
 
     def _is_passed(self, nosing: _Nosing, way: float) -> bool:
-        return way * (self._x_m - nosing.x_m) > PASSED_M
+        return way * (self.x_m - nosing.x_m) > PASSED_M
 
     def _take_back(self, way: float) -> None:
         """Return passed nosings to which the chair has rolled back to the filter, which knows of their places no more."""

@@ -54,7 +54,7 @@ class _Ground:
         Beyond a falling flight's edge below the image a frame shows treads, not this ground.
         """
         self.blind_m = place_m + ground.blind_m
-        if self.is_confirmed and self.end_m < self.blind_m:
+        if self.is_confirmed and self.end_m < self.blind_m and not self.is_crossed(reach_m):
             return
         bridges = place_m + ground.blind_m - self.known_m <= reach_m and ground.seen_m > ground.blind_m
         self._seen_m, self._seen_rad = place_m + min(ground.seen_m, NEAR_M) if bridges else -math.inf, self._heading_rad
@@ -96,13 +96,14 @@ class _Ground:
             self.rise_m = min(self.rise_m, nosing_m)
         self._rising_m = nosing_m
 
-    def drive(self, under_m: float, heading_rad: float, square_rad: float, *, on_flight: bool) -> None:
+    def drive(self, under_m: float, length_m: float, heading_rad: float, square_rad: float, *, on_flight: bool) -> None:
         """Add the ground under the belts; after a turn only that is known, and the latest frame if it was taken since.
 
         A chair that has turned back, and not driven aside meanwhile, knows again what it had driven over.
 
-        An edge is past once the chair has tipped over it onto a flight. While the heading is unknown, an end is kept, and so is the
-        straight edge of a flight that the maps have confirmed: a chair within 45° of the heading of the last map still crosses it.
+        An edge is past once the chair has tipped over it onto a flight, or lies beyond it: a low kerb hardly tips it. While the
+        heading is unknown, an end is kept, and so is the straight edge of a flight that the maps have confirmed: a chair within 45°
+        of the heading of the last map still crosses it.
         """
         turn_rad, self._heading_rad = abs(heading_rad - self._known_rad), heading_rad
         if not turn_rad <= square_rad:
@@ -111,7 +112,7 @@ class _Ground:
             self.known_m, self._known_rad = -math.inf if lies_aside else self._seen_m, heading_rad
             self._driven_m = under_m
         crosses = self.is_confirmed and abs(heading_rad - self._nosing_rad) < 0.25 * math.pi
-        if (square_rad < turn_rad < math.inf and not crosses) or (on_flight and under_m > self.end_m):
+        if (square_rad < turn_rad < math.inf and not crosses) or under_m > self.end_m + (0.0 if on_flight else length_m):
             self._forget_end()
         self._driven_m = max(self._driven_m, under_m)
         self.known_m = max(self.known_m, self._driven_m, *self._recall(under_m, heading_rad, square_rad))
@@ -131,6 +132,10 @@ class _Ground:
         strips = [(rad, end_m - moved_m * turn**2, aside_m + moved_m * turn) for rad, end_m, aside_m, turn in turned]
         self._strips = [strip for strip in strips if strip[2] < SAME_M]
         return [end_m for rad, end_m, _ in self._strips if abs(heading_rad - rad) <= square_rad]
+
+    def is_crossed(self, reach_m: float) -> bool:
+        """Return whether the chair's middle has passed an edge that the guard's own maps show."""
+        return self.is_confirmed and self._driven_m > self.end_m + reach_m
 
     @property
     def is_confirmed(self) -> bool:
@@ -189,11 +194,13 @@ class DropMonitor:
             heading_rad: Heading; infinite if unknown.
         """
         for way, ground in self._ground.items():
-            ground.drive(way * travel_m + self._pulley_m, heading_rad, self._config.square_rad, on_flight=self._flat_s is None)
+            under_m, length_m, square_rad = way * travel_m + self._pulley_m, 2.0 * self._pulley_m, self._config.square_rad
+            ground.drive(under_m, length_m, heading_rad, square_rad, on_flight=self._flat_s is None)
         phase = None if plan is None else plan.phase
         way, on_flight = math.copysign(1.0, speed_m_s), self._flat_s is None and phase in (*FLIGHT, "edge")
         ground = self._ground[way]
-        if speed_m_s == 0.0 or on_flight or (phase in ENTERS and ground.is_confirmed):
+        crosses = ground.is_confirmed if phase in ENTERS else ground.is_crossed(self._config.rear_m)
+        if speed_m_s == 0.0 or on_flight or crosses:
             return None
         pulley_m, stopping_m = way * travel_m + self._pulley_m, abs(speed_m_s) * self._config.stopping_s
         ends_m, known_m = ground.end_m - pulley_m, ground.known_m - pulley_m

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from treadline.core.errors import SettingsError
 from treadline.core.files import write_json, write_whole
 from treadline.core.models import ControllerDesign
 from treadline.core.printing import plain
@@ -40,8 +41,13 @@ JOURNAL = "journal.jsonl"
 RUN_CONTROLLER = "run-controller.json"
 """File name of the controller used by the run. The name ``controller.json`` is taken: ``treadline tune`` writes that file, also
 into run folders, and no run may remove it."""
-WRITTEN = ("result.json", "series.csv", LOG, f"{LOG}.part", RECORD, RUN_CONTROLLER, "report.html", "figures/run.svg")
+WRITTEN = (
+    *("result.json", "series.csv", "check.csv", LOG, f"{LOG}.part", RECORD, RUN_CONTROLLER),
+    *("report.html", "figures/run.svg", "figures/check.svg"),
+)
 """Files written by a run and its report, besides the manifest."""
+WALKED = {"x_m", "z_m", "pitch_deg", "flipper_deg", "rate_deg_s", "front_margin_deg", "rear_margin_deg", "torque_n_m"}
+"""Columns of ``check.csv`` that pages and live view draw."""
 SERIES_EVERY = 10
 """Decimation of series.csv: every tenth sample of 100 Hz, sufficient for plots."""
 PACKAGES = ("treadline", "numpy", "scipy", "numba", "mujoco-core", "opencv-python-headless", "matplotlib", "mcap")
@@ -129,6 +135,24 @@ def read_series(folder: Path, name: str = "series") -> dict[str, Float[np.ndarra
 def provenance() -> dict[str, Any]:
     """Return versions, git commit (``-dirty`` if tracked files are modified; None without git) and command line."""
     return {"versions": versions(), "git_commit": git_commit(), "command": _command()}
+
+
+def read_walk(folder: Path) -> dict[str, Float[np.ndarray, " n"]] | None:
+    """Return the columns of the walk that ``check`` made before a run, as of ``Walk.columns``; None where the run keeps none.
+
+    Raises:
+        SettingsError: If the table is damaged.
+    """
+    path = folder / "check.csv"
+    if not path.is_file():
+        return None
+    try:
+        columns = read_series(folder, "check")
+    except (ValueError, IndexError):
+        columns = {}
+    if not (columns.keys() >= WALKED and columns["x_m"].size and np.isfinite(columns["x_m"]).all()):
+        raise SettingsError(f"{path}: not the columns of a walk; make the run again")
+    return columns
 
 
 @cache

@@ -61,13 +61,9 @@ class LevelSteering:
         half = KEEP_M_S_RAD * math.copysign(max(abs(off) - spare_rad, 0.0), off)
         return min(max(half, -SLOW_M_S), SLOW_M_S)  # so that a slow chair turns about its inner belt
 
-    def within(self, estimate: HeadingEstimate) -> bool:
-        """Return whether the heading error is that of a square chair."""
-        return abs(estimate.heading_rad) <= SQUARE_RAD
-
     def is_square(self, estimate: HeadingEstimate, t_s: float) -> bool:
         """Return whether the chair has been square to the stair for ``SQUARE_S``."""
-        if not self.within(estimate):
+        if abs(estimate.heading_rad) > SQUARE_RAD:
             self._square_since_s = None
             return False
         if self._square_since_s is None:

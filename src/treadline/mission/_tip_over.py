@@ -15,7 +15,7 @@ TIME_CONSTANT_S = 0.015
 """Time constant of the pitch rate filter [s]: a sliding chair vibrates."""
 DEAD_BAND_RAD_S = 2.0 * DEG
 """Absolute pitch rate above which the belts act [rad/s]. The belts can change their speed only once; an earlier action would
-prolong the fall (sensitivity: docs/evidence/constants.md)."""
+prolong the fall."""
 MAX_DURATION_S = 0.4
 """Longest fall [s]; a longer pitch motion is the stair itself or a gyro bias."""
 DECAY_M_S2 = 0.2

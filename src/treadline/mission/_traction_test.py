@@ -23,10 +23,12 @@ class TractionTest:
 
     Args:
         slope_rad: Slope β of the flight [rad].
+        pulse: Number of this pulse among those on one flight.
     """
 
-    def __init__(self, slope_rad: float) -> None:
+    def __init__(self, slope_rad: float, pulse: int = 1) -> None:
         self._slope_rad = slope_rad
+        self.pulse = pulse
         self._begin()
 
     def _begin(self) -> None:

@@ -13,12 +13,11 @@ from treadline.estimation import FilterConfig, HeadingFilter, OffsetEstimator
 from treadline.guard import Guard, GuardConfig
 from treadline.mission._blocks import Detector
 from treadline.mission._warm_up import stair_frames
-from treadline.mission.ascent_states import Ascent
 from treadline.mission.belt_controllers import ConstantSpeed, Driver
-from treadline.mission.descent_states import Descent
 from treadline.mission.loop import Blocks, Estimator
 from treadline.mission.mission_config import MissionConfig, Plugins, is_full_traversal
 from treadline.mission.planner import Cruise, Planner
+from treadline.mission.traversal import Traversal
 from treadline.perception import DetectorConfig, StairDetector
 from treadline.perception.frame_quality import quality_of
 from treadline.perception.free_ground import ground_ahead
@@ -67,10 +66,8 @@ def planner_of(config: MissionConfig, driver: Driver | None = None) -> Planner:
                 "coming down needs a chair with a flipper, a closed loop and robust vision; set chair.model = 'wheelchair'"
             )
         return Cruise(config.climb_speed_m_s)
-    if config.direction == "up":
-        return Ascent(config)
-    config.chair.camera_at(rear=True)  # raises where there is none
-    return Descent(config)
+    config.chair.camera_at(rear=config.direction == "down")  # raises where there is none
+    return Traversal(config)
 
 
 def build_blocks(config: MissionConfig, driver: Driver | None = None) -> Blocks:

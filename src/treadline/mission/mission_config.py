@@ -75,16 +75,14 @@ class Plugins:
         return {kind: source_of_plugin(plugin) for kind, plugin in given.items() if plugin is not None}
 
 
-class LowEdge(NamedTuple):
-    """Edge of a sill or ramp next to a flight."""
+class KnownSill(NamedTuple):
+    """Outline of a sill or ramp next to a flight."""
 
     flight: int
     end: Literal["foot", "top"]
-    """End of the flight from whose nosing the distance counts."""
-    out_m: float
-    """Distance away from the flight."""
-    height_m: float
-    """Height up or down; that of a ramp counts as at most the highest sill's."""
+    """End of the flight from whose nosing the distances count."""
+    outline: tuple[tuple[float, float], ...]
+    """Distance away from the flight and height above the ground at its end of each vertex, the nearest first."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,7 +102,7 @@ class MissionConfig:
     """Whether a measured stair beyond the chair's limits is refused before entry; a maker who tries a chair turns it off."""
     flights: int | None = None
     """Number of flights to traverse. None: continue as long as another flight is seen across a landing."""
-    low_edges: tuple[LowEdge, ...] = ()
+    sills: tuple[KnownSill, ...] = ()
     """Known edges of sills and ramps on floor and landings."""
     reports_ground: bool = False
     """Whether the ground ahead (``FreeGround``) is known from frames or from the plant; the guard then awaits it."""

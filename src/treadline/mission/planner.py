@@ -1,7 +1,7 @@
 """Interface of the planners, and the planner of a single flight.
 
-``ImuSample, TrackReading, FlipperReading, StairMap, OperatorInput, HeadingEstimate -> MotionPlan``. ``ascent_states`` climbs,
-``descent_states`` descends; both end in phase ``arrived``, in phase ``refused``, or in a plan with a reason to hold.
+``ImuSample, TrackReading, FlipperReading, StairMap, OperatorInput, HeadingEstimate -> MotionPlan``. ``traversal`` climbs and
+descends; it ends in phase ``arrived``, in phase ``refused``, or in a plan with a reason to hold.
 """
 
 from typing import Protocol, runtime_checkable

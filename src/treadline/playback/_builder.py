@@ -48,7 +48,7 @@ COLUMNS: dict[type, tuple[str, ...]] = {
     TrackCommand: ("t_s", "left_m_s", "right_m_s"),
     TrackReading: ("t_s", "left_m_s", "right_m_s"),
     SeatReading: ("t_s", "pitch_rad"),
-    FlipperReading: ("t_s", "angle_rad"),
+    FlipperReading: ("t_s", "angle_rad", "torque_n_m"),
     ImuSample: ("t_s", "w", "x", "y", "z", "pitch_rate_rad_s"),
 }
 """Numbers that a recording needs of each signal; of the IMU, orientation and rate about y."""
@@ -59,6 +59,7 @@ HELD = {
     "sigma_rad": (HeadingEstimate, (2,)),
     "command_m_s": (TrackCommand, (1, 2)),
     "flipper_rad": (FlipperReading, (1,)),
+    "flipper_n_m": (FlipperReading, (2,)),
 }
 """Quantities that keep their value until the next signal, with the columns of that signal."""
 

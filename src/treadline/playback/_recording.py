@@ -13,7 +13,7 @@ from jaxtyping import Float, Int
 
 from treadline.core.signals import Event, Phase
 from treadline.core.slip import DRIVEN_LEAST_M, slip_ratio
-from treadline.scenario.chair import ChairDescription
+from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription
 from treadline.scenario.scenario import Scenario
 from treadline.vehicle.staircase import Staircase, build_staircase
 from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD
@@ -128,6 +128,8 @@ class Recording:
     """Forward angle of the seat relative to the chassis [rad], as ``appearance.body_poses`` takes it."""
     flipper_rad: Float[np.ndarray, " T"]
     """Angle of the flipper above the flat run [rad]; the approach angle of a chair without one."""
+    flipper_n_m: Float[np.ndarray, " T"]
+    """Torque of the flipper's motor [N m], positive raises."""
     belt_m_s: Float[np.ndarray, "T 2"]
     """Belt speeds left and right [m/s]: ground truth, else as reported by the drives."""
     belt_travel_m: Float[np.ndarray, "T 2"]
@@ -203,6 +205,25 @@ class Recording:
     def staircase(self) -> Staircase | None:
         """Staircase of the run with its jitter, or None if the scenario is unknown."""
         return None if self.scenario is None else staircase_of(self.scenario, self.seed)
+
+    @property
+    def columns(self) -> dict[str, Float[np.ndarray, " T"]]:
+        """What was driven, by the names of ``Walk.columns``, with the least margin; angles in degrees.
+
+        The torque is that with which the ground turns the flipper up: its own weight less what its motor bears.
+        """
+        chair, level_rad = self.chair, self.pitch_rad + self.flipper_rad
+        own_n = 0.0 if chair.flipper is None else chair.flipper.mass_kg * GRAVITY_M_S2
+        lever_m = 0.0 if chair.tracks is None else 0.5 * chair.tracks.approach_m
+        columns = {"t_s": self.t_s, "x_m": self.p_WB[:, 0], "z_m": self.p_WB[:, 2]}
+        angles = {
+            "pitch_deg": self.pitch_rad,
+            "flipper_deg": self.flipper_rad,
+            "rate_deg_s": np.abs(self.pitch_rate_rad_s),
+            "margin_deg": self.margin_rad,
+        }
+        columns["torque_n_m"] = own_n * lever_m * np.cos(level_rad) - self.flipper_n_m
+        return columns | {name: np.degrees(values) for name, values in angles.items()}
 
     def index_at(self, t_s: float) -> int:
         """Return the index of the last sample at or before a time."""

@@ -15,7 +15,7 @@ from markupsafe import Markup
 from treadline.core.arrays import check_magnitude
 from treadline.core.errors import SettingsError
 from treadline.core.files import write_whole
-from treadline.io.runs import read_series
+from treadline.io.runs import read_series, read_walk
 from treadline.playback import Recording, read_recording
 from treadline.report._html import page_of
 from treadline.report._results import Manifest, RunResult, read_part
@@ -58,9 +58,11 @@ def write_run_page(folder: Path) -> Recording:
     phases = [(span.start_s, span.name) for span in recording.phases]
     svg = svg_of(single_run(series, phases, recording, seat_alone=result.seat is not None))
     drawings = {"run": svg}
-    if (folder / "check.csv").exists() and recording.staircase is not None:
+    walked = read_walk(folder)
+    if walked is not None and recording.staircase is not None:
         chair, ground = rest_chair(recording.chair, 0.0), ground_profile(recording.staircase)
-        drawings["check"] = svg_of(walk_figure(ground, chair, read_series(folder, "check")))
+        driven = None if recording.is_reckoned else recording.columns
+        drawings["check"] = svg_of(walk_figure(ground, chair, walked, driven))
     write_page(
         folder,
         "run.html.j2",

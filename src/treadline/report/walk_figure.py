@@ -1,4 +1,4 @@
-"""Figure of a walk: the chair at five places on the ground, and margins, pitch rate and torque along the way."""
+"""Figure of a walk: the chair at five places on the ground, and angles, margins, pitch rate and torque along the way."""
 
 import math
 from collections.abc import Mapping
@@ -16,33 +16,45 @@ from treadline.vehicle.walk import QUIET_RAD_S
 
 PLACES = 5
 """Number of places at which the chair is drawn."""
-SIZE_IN = (8.0, 7.0)
+SIZE_IN = (8.0, 8.4)
 
 Columns = Mapping[str, Float[np.ndarray, " n"]]
 
 
+PANELS: tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...] = (
+    ("angle [°]", (("pitch_deg", "pitch", BLUE), ("flipper_deg", "flipper", ORANGE))),
+    ("margin [°]", (("front_margin_deg", "front", BLUE), ("rear_margin_deg", "rear", ORANGE), ("margin_deg", "least", GREEN))),
+    ("pitch rate [°/s]", (("rate_deg_s", "pitch", RED),)),
+    ("torque [N m]", (("torque_n_m", "flipper", GREEN),)),
+)
+"""Panels below the ground: label of the axis, and column, name and colour of each curve."""
+
+
 @mpl.rc_context(STYLE)
-def walk_figure(ground: Ground, chair: RestChair, columns: Columns) -> Figure:
-    """Return the figure of a walk.
+def walk_figure(ground: Ground, chair: RestChair, columns: Columns, driven: Columns | None = None) -> Figure:
+    """Return the figure of a walk, dashed where that of a run is drawn over it.
 
     Args:
         columns: As of ``Walk.columns``.
+        driven: As of ``Recording.columns``.
     """
     figure = Figure(figsize=SIZE_IN, layout="constrained")
-    side, margins, rates, torques = figure.subplots(4, 1, sharex=True, height_ratios=(2.4, 1.0, 1.0, 1.0))
-    x_m = columns["x_m"]
+    side, *panels = figure.subplots(1 + len(PANELS), 1, sharex=True, height_ratios=(2.4, *(1.0 for _ in PANELS)))
     _draw_side(side, ground, chair, columns)
-    margins.plot(x_m, columns["front_margin_deg"], color=BLUE, label="front")
-    margins.plot(x_m, columns["rear_margin_deg"], color=ORANGE, label="rear")
-    margins.set(ylabel="margin [°]", ylim=(0.0, 40.0))
-    margins.legend(loc="upper right")
-    rates.plot(x_m, columns["rate_deg_s"], color=RED)
+    runs = [(columns, "", "-", 1.0)] if driven is None else [(driven, ", driven", "-", 0.5), (columns, ", planned", "--", 1.0)]
+    for axes, (label, curves) in zip(panels, PANELS, strict=True):
+        for name, what, colour in curves:
+            for values, when, dash, opacity in runs:
+                if name in values:
+                    axes.plot(values["x_m"], values[name], dash, color=colour, alpha=opacity, label=what + when)
+        axes.set(ylabel=label)
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    _, margins, rates, torques = panels
+    margins.set(ylim=(0.0, 40.0))
     rates.axhline(QUIET_RAD_S / DEG, color=GREY, linestyle=":")
-    rates.set(ylabel="pitch rate [°/s]")
-    torques.plot(x_m, columns["torque_n_m"], color=GREEN)
     for share in (0.7, 1.0):
         torques.axhline(share * float(chair.torques_n_m[0]), color=GREY, linestyle=":")
-    torques.set(ylabel="flipper [N m]", xlabel="place of mid-track along the drive [m]")
+    torques.set(xlabel="place of mid-track along the drive [m]")
     return figure
 
 

@@ -12,7 +12,6 @@ from typing import Any, Literal
 from treadline.core.errors import SettingsError
 from treadline.core.models import ControllerDesign, LinearModel
 from treadline.core.ports import Plant
-from treadline.core.step_sizes import SINGLE_RISE_M
 from treadline.mission.belt_controllers import Driver
 from treadline.mission.loop import Blocks
 from treadline.mission.mission_blocks import build_blocks
@@ -20,7 +19,7 @@ from treadline.mission.mission_config import (
     ControllerPlugin,
     DetectorPlugin,
     EstimatorPlugin,
-    LowEdge,
+    KnownSill,
     MissionConfig,
     Plugins,
     is_full_traversal,
@@ -201,7 +200,7 @@ def mission_config(
         climb_speed_m_s=scenario.drive.speed_m_s,
         check=scenario.drive.check,
         flights=scenario.stair.flights,
-        low_edges=_low_edges(scenario.stair, scenario.sill),
+        sills=_known_sills(scenario.stair, scenario.sill),
         reports_ground=isinstance(open_plant, str) or getattr(open_plant, "reports_ground", False) is True,
         loop=scenario.control.loop,
         vision="paper" if scenario.control.vision == "paper" else "robust",
@@ -210,17 +209,20 @@ def mission_config(
     )
 
 
-def _low_edges(stair: Stair, sills: Sequence[Sill]) -> tuple[LowEdge, ...]:
-    """Return the edges of sills and ramps, those between two flights for both."""
-    found: list[LowEdge] = []
+def _known_sills(stair: Stair, sills: Sequence[Sill]) -> tuple[KnownSill, ...]:
+    """Return the outlines of sills and ramps, those between two flights for both."""
+    found: list[KnownSill] = []
     for sill in sills:
-        landing, height_m = landing_of(stair, sill), min(abs(sill.height_m), SINGLE_RISE_M[0])
-        flight = -1 if landing is None else landing // stair.steps
-        for out_m in sorted({out_m for out_m, _ in sill.vertices(0.0)}):
-            if landing is not None:
-                found.append(LowEdge(flight, "top", out_m, height_m))
-            if flight + 1 < stair.flights:
-                found.append(LowEdge(flight + 1, "foot", out_m if landing is None else stair.between_m - out_m, height_m))
+        landing, outline = landing_of(stair, sill), tuple(sill.vertices(0.0))
+        flight, far_m = -1 if landing is None else landing // stair.steps, outline[-1][1]
+        if landing is not None:
+            found.append(KnownSill(flight, "top", outline))
+        if landing is None:
+            found.append(KnownSill(0, "foot", outline))
+        elif flight + 1 < stair.flights:
+            found.append(
+                KnownSill(flight + 1, "foot", tuple((stair.between_m - out_m, z_m - far_m) for out_m, z_m in outline[::-1]))
+            )
     return tuple(found)
 
 

@@ -93,7 +93,7 @@ class CheckReport(Printable):
     """The planner's way over the whole ground, for plots; None where the scenario is refused without it."""
 
     def plot(self) -> "Figure":
-        """Return the figure of the walk: the chair at five places, and margins, pitch rate and torque along the way.
+        """Return the figure of the walk: the chair at five places, and angles, margins, pitch rate and torque along the way.
 
         Raises:
             SettingsError: If the scenario is refused for a reason that needs no walk.

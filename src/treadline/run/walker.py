@@ -36,7 +36,9 @@ from treadline.vehicle.walk import Stride, Walk
 STEP_S, STILL_RAD_S = 0.05, 1.0 * DEG
 """Time between two poses while the chair turns [s]: 0.45° of pitch at the fastest that the planner turns it; twice as long, 2 cm of
 belts, below this pitch rate [rad/s]."""
-LOOK_S = 0.4
+ROCKS_S = 0.2
+"""Time over which a pitch rate counts [s]: a chair that rocks by a degree takes so long by its inertia, at rest it takes none."""
+LOOK_S = 0.2
 """Time between two maps [s]."""
 YIELD_RAD = 0.5 * DEG
 """Step by which a flipper yields whose motor is overloaded [rad]."""
@@ -151,7 +153,8 @@ class _Walker:
         after, fall = self._without_slip(before, after, fall, along_m)
         turned = after.pitch_rad - before.pitch_rad
         self._pose, fall = self._yielded(after, fall)
-        self._rate_rad_s = (turned if fall is None else 0.0) / step_s
+        kept = 0.0 if fall is not None else math.exp(-step_s / ROCKS_S)
+        self._rate_rad_s = kept * self._rate_rad_s + (1.0 - kept) * (turned if fall is None else 0.0) / step_s
         self._t_s = round(self._t_s + step_s, 6)
         return fall
 

@@ -50,9 +50,3 @@ def plumb(loading: Loading, pitch_rad: float) -> float:
     """Return the intersection of the plumb line through the assumed centre of mass with the belts, ahead of mid-track [m]."""
     x, z = centre_of_mass_level(loading, pitch_rad)
     return x - z * math.tan(pitch_rad)
-
-
-def before_for_margin(loading: Loading, pitch_rad: float, margin_rad: float) -> float:
-    """Return how far before a nosing, along the belts, the plumb line must be for a tip-over margin about that nosing [m]."""
-    _, z = centre_of_mass_level(loading, pitch_rad)
-    return z * (math.tan(pitch_rad + margin_rad) - math.tan(pitch_rad))

@@ -25,7 +25,7 @@ HALVINGS = 8
 """Halvings of a step of the search: 0.5° becomes 0.002°."""
 LOW_RAD, HIGH_RAD = math.radians(-60.0), math.radians(75.0)
 """Range of the pitch that is searched [rad]; a chair beyond it has tipped over."""
-JUMP_RAD = math.radians(1.0)
+JUMP_RAD = math.radians(0.5)
 """Change of the pitch within a move above which the move is divided [rad]."""
 LEAST_PART = 1.0 / 16.0
 """Smallest part of a move: a pitch that changes by ``JUMP_RAD`` in it has lost its rest pose."""
@@ -182,8 +182,6 @@ def follow(
     """
     done, size = 0.0, 1.0
     angle, drop = 0.0, 0.0
-    body, weighs = posture(from_angles, parts, masses)
-    height = contact(th, from_x, body, weighs, ground, body.shape[0])[7]
     while done < 1.0 - 1e-9:
         size = min(size, 1.0 - done)
         part = done + size
@@ -197,11 +195,13 @@ def follow(
         if not stands:
             return low, done, math.pi, 9.0, TURNS_OVER
         if turned > JUMP_RAD:
+            before_x = from_x + done * (to_x - from_x)
+            before, _ = posture(from_angles + done * (to_angles - from_angles), parts, masses)
+            height = contact(th, before_x, before, weighs, ground, body.shape[0])[7]
             if contact(th, x, body, weighs, ground, body.shape[0])[7] - height > WALL_M:
                 return th, done, angle, drop, BLOCKED
             angle, drop = max(angle, turned), max(drop, fell)
         th, done = low, part
-        height = contact(th, x, body, weighs, ground, body.shape[0])[7]
         size *= 2.0
     return th, 1.0, angle, drop, RESTS
 

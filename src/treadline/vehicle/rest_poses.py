@@ -17,7 +17,7 @@ from treadline.core.angles import DEG
 from treadline.core.errors import MechanicsError
 from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription, Point, Seat
 from treadline.vehicle.linkage import SeatLinkage
-from treadline.vehicle.rest_pose_kernels import BLOCKED, describe, follow
+from treadline.vehicle.rest_pose_kernels import BLOCKED, JUMP_RAD, describe, follow, posture, settle
 
 Ground = Float[np.ndarray, "v 3"]
 """Vertices of the ground: place along the drive [m], height [m], radius of a rounded nosing [m] (``GroundProfile.vertices``)."""
@@ -134,6 +134,9 @@ class RestChair:
         if ends == BLOCKED:
             x_m, angles_rad = pose.x_m + part * (x_m - pose.x_m), tuple((before + part * (after - before)).tolist())
         rests = self.at(ground, x_m, angles_rad, pitch)
+        if abs(rests.pitch_rad - pitch) > JUMP_RAD:  # the pose vanished at the very end of the move
+            angle = max(angle, abs(rests.pitch_rad - pitch))
+            drop_m = max(drop_m, settle(pitch, x_m, *posture(np.array(angles_rad), self.parts, self.masses), ground)[2])
         if angle == 0.0:
             return rests, None
         return rests, fall_to(rests, angle, drop_m)

@@ -1,6 +1,10 @@
-"""Compiled search of ``way``: the cheapest sequence of moves of belts and flipper along which rest poses are followed."""
+"""Compiled search of ``way``: moves of belts and flipper along which rest poses are followed, and what is left to go from each.
 
-import heapq
+A state is a place, a flipper angle and a branch of the rest pose. ``explore`` follows the moves from all states that can be
+reached, ``relax`` finds the cheapest sequence of moves from each of them to the end. Both work in portions, so that a planner may
+spread them.
+"""
+
 import math
 from typing import Any
 
@@ -14,132 +18,176 @@ BRANCHES = 3
 """Most rest poses of one place and flipper angle; more than three have not been seen."""
 SAME_RAD = math.radians(0.6)
 """Pitches that are one rest pose [rad]: just below the least angle between two rest poses of a place."""
+MOVES = np.array([[1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [1, -1]])
+"""Moves by a step of the place and of the flipper's angle: on and back, the flipper alone, and both. The first two pairs undo each
+other."""
+PAIRED = 4
 
 
 @njit(cache=True)
-def search(
+def explore(
+    first: int,
+    count: int,
+    last: int,
+    order: Any,
+    pitch: Any,
+    state: Any,
+    leads: Any,
+    cost: Any,
+    places: Any,
+    angles: Any,
     grounds: Any,
     parts: Any,
     masses: Any,
     torques: Any,
-    places: Any,
-    angles: Any,
-    start: Any,
     limits: Any,
     rates: Any,
     prices: Any,
-) -> tuple[Any, Any]:
-    """Search the cheapest way, by A* with the time of the belts as bound.
+) -> int:
+    """Follow the moves from the states found so far, and return how many are found then.
 
     Args:
-        grounds: Grounds (profile, vertex, 3); the first is the likely one, all must be passed by the same moves.
+        first: Number of states whose moves have been followed.
+        count: Number of states found.
+        last: Number of states after which this portion ends.
+        order: States in the order in which they were found.
+        pitch: Pitch of each state on each ground [rad]; not a number where it has not been found.
+        state: Of each state: price of a second there; drop that an error would cause [m]; torque of the flipper's motor on
+            the likely ground [N m].
+        leads: State to which each move leads from each state; -1 where it cannot be made.
+        cost: Cost and drop [m] of each move.
         places: Grid of places in the order of the drive [m].
         angles: Grid of flipper angles [rad].
-        start: Index of place and angle, and pitch at the start.
-        limits: Most torque [N m], most friction, error of the centre of mass along the chair [m], steepest line of the ground
-            [rad].
+        grounds: Grounds (profile, vertex, 3); the first is the likely one, all must be passed by the same moves.
+        limits: Torque that is free [N m], most friction, error of the centre of mass along the chair [m], steepest line of the
+            ground [rad], most torque [N m], friction that is known.
         rates: Speed of belts [m/s], flipper and pitch [rad/s].
         prices: In seconds: per m/s of a fall; per second and (m/s)² of a fall that an error would cause, beyond the quiet speed;
-            quiet speed [m/s]; per second and rad² of pitch above the steepest line; per second of a share of 1 on the flipper; per
-            radian of pitch; per radian of the flipper.
-
-    Returns:
-        Rows (place, angle, pitch, drop of the fall on the move to it [m], drop by an error there [m]), and the cost; no rows
-        without a way.
+            quiet speed [m/s]; per second and rad² of pitch above the steepest line; per second of the motor's whole torque; per
+            radian of pitch; per radian of the flipper; per second of a torque that is twice what is free; per second of a
+            friction of 1 above what is known.
     """
-    count, wide = places.size, angles.size
-    many = grounds.shape[0]
-    size = count * wide * BRANCHES
-    pitch = np.full((size, many), np.nan)
-    cost, rate, falls, unknown = np.full(size, np.inf), np.zeros(size), np.zeros(size), np.zeros(size)
-    parent, closed = np.full(size, -1), np.zeros(size, np.bool_)
-    i, j = int(start[0]), int(start[1])
-    first = (i * wide + j) * BRANCHES
-    for p in range(many):
-        body, weighs = posture(angles[j : j + 1], parts, masses)
-        pitch[first, p], _, _, stands = settle(start[2], places[i], body, weighs, grounds[p])
-        if not stands:
-            return np.zeros((0, 5)), np.zeros(0)
-    cost[first] = 0.0
-    to_go = np.abs(places[-1] - places) / rates[0]
-    queue = [(to_go[i], first)]
+    many, wide = grounds.shape[0], angles.size
     there = np.empty(many)
-    while len(queue) > 0:
-        _, node = heapq.heappop(queue)
-        if closed[node]:
-            continue
-        closed[node] = True
+    while first < count and first < last:
+        node = order[first]
+        first += 1
         i, j = node // (wide * BRANCHES), node // BRANCHES % wide
-        if i == count - 1:
-            return _path(node, parent, places, angles, pitch, falls, unknown), cost[node : node + 1]
-        for step in range(-1, 2):
-            for turn in range(-1, 2):
-                to_i, to_j = i + step, j + turn
-                if (step == 0 and turn == 0) or (step < 0 and turn != 0) or to_i < 0 or to_i >= count or to_j < 0 or to_j >= wide:
-                    continue
-                fall, stands = 0.0, True
-                before, after = angles[j : j + 1], angles[to_j : to_j + 1]
+        for move in range(MOVES.shape[0]):
+            to_i, to_j = i + MOVES[move, 0], j + MOVES[move, 1]
+            if leads[node, move] >= 0 or to_i < 0 or to_i >= places.size or to_j < 0 or to_j >= wide:
+                continue
+            cell = (to_i * wide + to_j) * BRANCHES
+            to, fall = _near(pitch, cell, pitch[node], JUMP_RAD), 0.0
+            if to < 0:
+                before, after, stands = angles[j : j + 1], angles[to_j : to_j + 1], True
                 for p in range(many):
                     there[p], _, _, drop, ends = follow(
                         pitch[node, p], places[i], before, places[to_i], after, parts, masses, grounds[p]
                     )
                     fall = max(fall, drop)
-                    if ends != RESTS:
-                        stands = False
-                        break
+                    stands = stands and ends == RESTS
                 if not stands:
                     continue
-                to = _slot(pitch, (to_i * wide + to_j) * BRANCHES, there)
-                if to < 0 or closed[to]:
-                    continue
-                if math.isnan(pitch[to, 0]):
+                to = _near(pitch, cell, there, SAME_RAD)
+                if to < 0:
+                    to = _free(pitch, cell)
+                    if to < 0:
+                        continue
                     pitch[to] = there
-                    rate[to], unknown[to] = _rate(there, places[to_i], after, parts, masses, grounds, torques, limits, prices)
-                if rate[to] == np.inf:
-                    continue
-                turned = abs(there[0] - pitch[node, 0])
-                took = max(abs(places[to_i] - places[i]) / rates[0], abs(angles[to_j] - angles[j]) / rates[1], turned / rates[2])
-                total = cost[node] + took * (1.0 + rate[to]) + prices[5] * turned + prices[6] * abs(angles[to_j] - angles[j])
-                total += prices[0] * max(math.sqrt(2.0 * GRAVITY_M_S2 * fall) - prices[2], 0.0)
-                if total < cost[to] - 1e-9:
-                    cost[to], parent[to], falls[to] = total, node, fall
-                    pitch[to] = there
-                    heapq.heappush(queue, (total + to_go[to_i], to))
-    return np.zeros((0, 5)), np.zeros(0)
+                    _describe(state[to], there, places[to_i], after, parts, masses, grounds, torques, limits, prices)
+                    if state[to, 0] < np.inf:
+                        order[count] = to
+                        count += 1
+            if state[to, 0] == np.inf:
+                continue
+            turned = abs(pitch[to, 0] - pitch[node, 0])
+            swung = abs(angles[to_j] - angles[j])
+            took = max(abs(places[to_i] - places[i]) / rates[0], swung / rates[1], turned / rates[2])
+            leads[node, move], cost[node, move, 1] = to, fall
+            cost[node, move, 0] = (
+                took * (1.0 + 0.5 * (state[to, 0] + state[node, 0]))
+                + prices[5] * turned
+                + prices[6] * swung
+                + prices[0] * max(math.sqrt(2.0 * GRAVITY_M_S2 * fall) - prices[2], 0.0)
+            )
+            if fall == 0.0 and move < PAIRED:  # what was followed without a fall is undone alike
+                leads[to, move ^ 1], cost[to, move ^ 1, 1], cost[to, move ^ 1, 0] = node, 0.0, cost[node, move, 0]
+    return count
 
 
 @njit(cache=True)
-def _slot(pitch: Any, first: int, there: Any) -> int:
-    """Return the branch of a cell that has these pitches, or a free one; -1 if there is none."""
+def relax(sweeps: int, order: Any, leads: Any, cost: Any, to_go: Any) -> bool:
+    """Lower the cost from each state to the end by a number of sweeps, and return whether nothing changes any more."""
+    for _ in range(sweeps):
+        same = True
+        for k in range(order.size - 1, -1, -1):
+            node = order[k]
+            for move in range(MOVES.shape[0]):
+                to = leads[node, move]
+                if to >= 0 and cost[node, move, 0] + to_go[to] < to_go[node] - 1e-9:
+                    to_go[node] = cost[node, move, 0] + to_go[to]
+                    same = False
+        if same:
+            return True
+    return False
+
+
+@njit(cache=True)
+def cheapest(node: int, leads: Any, cost: Any, to_go: Any) -> int:
+    """Return the move from a state that leads to the end at least cost; -1 at the end, or without a way."""
+    best, least = -1, to_go[node] + 1e-6
+    for move in range(MOVES.shape[0]):
+        to = leads[node, move]
+        if to >= 0 and cost[node, move, 0] + to_go[to] < least:
+            best, least = move, cost[node, move, 0] + to_go[to]
+    return best
+
+
+@njit(cache=True)
+def _near(pitch: Any, first: int, there: Any, within: float) -> int:
+    """Return the branch of a cell that has nearly these pitches; -1 if there is none."""
     for b in range(first, first + BRANCHES):
-        if math.isnan(pitch[b, 0]):
-            return b
-        if np.abs(pitch[b] - there).max() < SAME_RAD:
+        if np.abs(pitch[b] - there).max() < within:
             return b
     return -1
 
 
 @njit(cache=True)
-def _rate(
-    there: Any, x: float, angle: Any, parts: Any, masses: Any, grounds: Any, torques: Any, limits: Any, prices: Any
-) -> tuple[float, float]:
-    """Return the price of a second in a pose, infinite where a limit forbids it, and the drop that an error would cause [m]."""
+def _free(pitch: Any, first: int) -> int:
+    """Return a free branch of a cell; -1 if there is none."""
+    for b in range(first, first + BRANCHES):
+        if math.isnan(pitch[b, 0]):
+            return b
+    return -1
+
+
+@njit(cache=True)
+def _describe(
+    state: Any, there: Any, x: float, angle: Any, parts: Any, masses: Any, grounds: Any, torques: Any, limits: Any, prices: Any
+) -> None:
+    """Write the price of a second in a pose, infinite where a limit forbids it, and what else a state has."""
     out = np.empty(15 + torques.size)
-    steepest, borne, drop = 0.0, 0.0, 0.0
+    steepest, drop, torque, grip = 0.0, 0.0, 0.0, 0.0
+    state[0] = np.inf
     for p in range(grounds.shape[0]):
         if not describe(there[p], x, angle, parts, masses, grounds[p], torques, out):
-            return np.inf, 0.0
+            return
         slips = abs(out[8] * out[9] + (1.0 - out[8]) * out[10])
-        if out[15] > limits[0] or slips > limits[1]:
-            return np.inf, 0.0
+        if out[15] > limits[4] or slips > limits[1]:
+            return
         steepest = max(steepest, out[0])
-        front, rear = int(parts[int(out[13]), 6]) >= 0, int(parts[int(out[14]), 6]) >= 0
-        borne = max(borne, (out[8] if front else 0.0) + (1.0 - out[8] if rear else 0.0))
+        if p == 0:
+            state[2] = out[15]
+        torque, grip = max(torque, out[15]), max(grip, slips)
         for side in range(2):
             drop = max(drop, _drop(out[0], x, angle, parts, masses, grounds[p], limits[2] * (2.0 * side - 1.0)))
     lacks = max(math.sqrt(2.0 * GRAVITY_M_S2 * drop) - prices[2], 0.0)
     above = max(steepest - limits[3], 0.0)
-    return prices[1] * lacks * lacks + prices[3] * above * above + prices[4] * borne, drop
+    over = max(torque / limits[0] - 1.0, 0.0)
+    state[0] = prices[1] * lacks * lacks + prices[3] * above * above + prices[4] * torque / torques[0] + prices[7] * over
+    state[0] += prices[8] * max(grip - limits[5], 0.0)
+    state[1] = drop
 
 
 @njit(cache=True)
@@ -155,15 +203,37 @@ def _drop(th: float, x: float, angle: Any, parts: Any, masses: Any, ground: Any,
 
 
 @njit(cache=True)
-def _path(node: int, parent: Any, places: Any, angles: Any, pitch: Any, falls: Any, unknown: Any) -> Any:
-    """Return the rows of the way to a node."""
-    wide, length, last = angles.size, 0, node
-    while last >= 0:
-        length += 1
-        last = parent[last]
-    rows = np.empty((length, 5))
-    for k in range(length - 1, -1, -1):
-        rows[k, 0], rows[k, 1] = places[node // (wide * BRANCHES)], angles[node // BRANCHES % wide]
-        rows[k, 2], rows[k, 3], rows[k, 4] = pitch[node, 0], falls[node], unknown[node]
-        node = parent[node]
-    return rows
+def after(node: int, time_s: float, leads: Any, cost: Any, to_go: Any, pitch: Any, places: Any, angles: Any, rates: Any) -> int:
+    """Return the state on the way from a state after so much time, at the rates for which the way was priced."""
+    wide = angles.size
+    while time_s > 0.0:
+        move = cheapest(node, leads, cost, to_go)
+        if move < 0:
+            break
+        to = leads[node, move]
+        moved = abs(places[to // (wide * BRANCHES)] - places[node // (wide * BRANCHES)])
+        swung = abs(angles[to // BRANCHES % wide] - angles[node // BRANCHES % wide])
+        time_s -= max(moved / rates[0], swung / rates[1], abs(pitch[to, 0] - pitch[node, 0]) / rates[2])
+        node = to
+    return node
+
+
+@njit(cache=True)
+def nearest(place: float, angle: float, th: float, pitch: Any, to_go: Any, places: Any, angles: Any) -> int:
+    """Return the state with a way that is nearest to a place, flipper angle and pitch; -1 if there is none within two steps.
+
+    A step of the place, one of the angle and ``JUMP_RAD`` of the pitch are as far.
+    """
+    wide, best, least = angles.size, -1, 1e9
+    step = abs(places[-1] - places[0]) / (places.size - 1)
+    turn = (angles[-1] - angles[0]) / max(wide - 1, 1) if wide > 1 else 1.0
+    near_i = int(round(abs(place - places[0]) / step)) if (place - places[0]) * (places[-1] - places[0]) > 0.0 else 0
+    near_j = int(round((angle - angles[0]) / turn))
+    for i in range(max(near_i - 2, 0), min(near_i + 3, places.size)):
+        for j in range(max(near_j - 2, 0), min(near_j + 3, wide)):
+            for node in range((i * wide + j) * BRANCHES, (i * wide + j + 1) * BRANCHES):
+                if to_go[node] < np.inf:
+                    off = abs(places[i] - place) / step + abs(angles[j] - angle) / turn + abs(pitch[node, 0] - th) / JUMP_RAD
+                    if off < least:
+                        best, least = node, off
+    return best

@@ -16,7 +16,7 @@ from treadline.playback import NosingComparison, Recording, RecordingBuilder, st
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.faults import Conditions, Fault, payload_shift_m
 from treadline.vehicle.staircase import Staircase
-from treadline.view._messages import ContactForces, Obstacle, Order, Script, ShownFrame, latest
+from treadline.view._messages import ContactForces, Obstacle, Order, Script, ShownFrame, Way, latest
 from treadline.view._process import Worker
 
 FASTEST = 0.0
@@ -40,6 +40,8 @@ class Feed:
     obstacles: list[Obstacle] = field(default_factory=list)
     contacts: list[ContactForces] = field(default_factory=list)
     """Contact forces of the ticks at which they were asked for."""
+    way: Way | None = None
+    """What ``check`` expected; None without a walk."""
     script: Script = field(default_factory=list)
     error: str | None = None
     workers: dict[str, Worker] = field(default_factory=dict)
@@ -186,10 +188,10 @@ class Feed:
                 self._forget_pictures(len(frames))
             case "limits" if self.builder is not None and worker == "run":
                 self.builder.limits = value
-            case "obstacle" if worker == "run":
-                self.obstacles.append(value)
-            case "script" if worker == "run":
-                self.script.append(value)
+            case "obstacle" | "script" if worker == "run":
+                (self.obstacles if kind == "obstacle" else self.script).append(value)
+            case "way" if worker == "run":
+                self.way = value
 
     def _illustrate(self, frame: ShownFrame) -> None:
         """Replace the stair map of a log by the frame that it came from."""

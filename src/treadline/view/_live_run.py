@@ -148,6 +148,9 @@ class LiveRun:
         setup = resolve(
             with_reserve(order.scenario), order.controller, order.seed, detector=order.detector, estimator=order.estimator
         )
+        walk = setup.report.walk
+        if walk is not None and setup.seat_shift is None:
+            self._waiting.append(("way", (walk.ground, walk.columns)))
         self._chair = open_plant(setup.scenario, setup.seed, chair=setup.chair)
         self._plant = AttendedPlant(self._chair, setup.scenario.fault, setup.seed, setup.scenario.operator)
         try:

@@ -22,6 +22,8 @@ DEPTH_STEP = 4
 """Pixels between the depths that are kept: 10 kB per frame, and 1 cm on a nosing at 1 m."""
 
 T = TypeVar("T")
+Way = tuple[Float[np.ndarray, "v 3"], Mapping[str, Float[np.ndarray, " n"]]]
+"""Ground, and the columns of the walk that ``check`` made over it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

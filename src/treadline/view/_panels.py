@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from treadline.core.rotations import rotation_of
@@ -16,7 +17,7 @@ from treadline.playback import Recording, holding_at, in_runs, perceived_text
 from treadline.report.labels import PHASES, TERMS
 from treadline.report.plot_table import SIGNS, Plot, phase_colour
 from treadline.view._messages import ShownFrame
-from treadline.view._plots import view_of
+from treadline.view._plots import ALONG, view_of, way_lines
 from treadline.view._session import Session
 
 EVENTS_SHOWN = 40
@@ -136,6 +137,25 @@ def legend_html(plot: Plot, run: Recording, cursor_s: float, *, forked: bool) ->
     low, high = view_of(plot, run)
     is_shown = any(low <= limit <= high for limit in plot.limits(run.limits))
     return str(HTML.plot(plot, values, plot.limit_text(run.limits), is_shown, forked and not plot.no_fork))
+
+
+def way_html(session: Session) -> str:
+    """Return the way over the place with the chair on it, a plot for each quantity; empty without a walk or a known place."""
+    way, run = session.feed.way, session.run
+    if way is None or session.feed.is_empty or not session.feed.knows_stair:
+        return ""
+    low_m = float(way[1]["x_m"].min())
+    high_m = max(float(way[1]["x_m"].max()), low_m + 1e-3)
+    rows = []
+    for name, lines in way_lines(way, run, session.cursor_s).items():
+        values = np.concatenate([line[:, 1] for line in lines])
+        low, high = float(values.min()), float(values.max())
+        # Of an image of 1000 × 1000, from above.
+        shown = [1000.0 * (line - (low_m, high)) / (high_m - low_m, min(low - high, -1e-3)) for line in lines]
+        texts = [" ".join(f"{x:.0f},{y:.0f}" for x, y in line.tolist()) for line in shown]
+        rows.append((ALONG[name], low, high, *texts, float(lines[1][-1, 1]) if len(lines[1]) else None))
+    here_m = float(run.p_WB[run.index_at(session.cursor_s), 0])
+    return str(HTML.way(rows, 1000.0 * (here_m - low_m) / (high_m - low_m), low_m, high_m, here_m))
 
 
 PANELS: Mapping[str, Callable[[Session], str]] = {

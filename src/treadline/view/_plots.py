@@ -3,10 +3,14 @@
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from treadline.core.arrays import decimated
 from treadline.playback import Recording
 from treadline.report.plot_table import PLOTS, SIGNS, Column, Plot
+from treadline.view._messages import Way
+
+Line = Float[np.ndarray, "n 2"]
 
 BINS = 250
 """Bins of a plot; each shows the smallest and the largest value, so that no transient is lost."""
@@ -14,6 +18,13 @@ PLOT_PX = 72
 """Height of a plot [px]: six of them fit on a laptop's screen."""
 LIVE_PLOTS = tuple(plot for plot in PLOTS if not plot.page_only)
 """Plots of the live view, from top to bottom."""
+ALONG = {
+    "z_m": "height [m]",
+    "pitch_deg": "chassis pitch [°]",
+    "flipper_deg": "flipper [°]",
+    "torque_n_m": "load at the flipper [N m]",
+}
+"""Columns of a walk that are drawn along the place, with their headings."""
 LOADING = '<div style="font-size:12px;margin:8px">The plots load after the first picture …</div>'
 """Text in place of the plots before they are made."""
 
@@ -94,6 +105,19 @@ def plot_data(plot: Plot, run: Recording, cursor_s: float, fork: Recording | Non
     held = [np.insert(column, there_too, column[max(place - 1, 0)]) for column in lines]
     cursor = np.insert(np.full(len(t_s), low), there_too, [low, high, low])
     return (np.insert(t_s, there_too, cursor_s), *held, cursor)
+
+
+def way_lines(way: Way, run: Recording, cursor_s: float) -> dict[str, list[Line]]:
+    """Return what was planned, and what was driven up to the cursor, over the place by column; of the height, the ground.
+
+    The last point driven is the chair's at the cursor.
+    """
+    (ground, planned), driven, last = way, run.columns, run.index_at(cursor_s)
+    index = np.unique(np.linspace(0, last, 2 * BINS).astype(int))
+    both = planned, {name: values[index] for name, values in driven.items()}
+    lines = {name: [np.column_stack([columns["x_m"], columns[name]]) for columns in both] for name in ALONG}
+    lines["z_m"][0] = ground[:, :2]
+    return {name: [line[np.isfinite(line).all(axis=1)] for line in pair] for name, pair in lines.items()}
 
 
 def filled(column: Column) -> Column:

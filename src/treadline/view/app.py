@@ -13,7 +13,7 @@ from typing import Any
 from treadline.core.errors import SettingsError
 from treadline.scenario.faults import EXTENTS, Conditions, FaultKind
 from treadline.view._messages import SEND_S
-from treadline.view._panels import HTML, PANELS, STYLE, legend_html, timeline_html
+from treadline.view._panels import HTML, PANELS, STYLE, legend_html, timeline_html, way_html
 from treadline.view._plots import LOADING, add_plot, plot_data, shown_plots
 from treadline.view._scene import NARROW_CAMERA_M, NARROW_LOOK_AT_M, SHOWN, SceneView
 from treadline.view._session import SPEEDS, TRANSPORT, Session
@@ -63,6 +63,7 @@ class App:
         self._panels: dict[str, Any] = {}
         self._plots: list[tuple[Any, Any, Any]] = []
         self._plotted: tuple[Any, ...] = ()
+        self._way: Any = None
         self._widths: tuple[float, float, bool] = (0.0, 0.0, False)
         self.page_px = math.inf
         """Width of the page [px]; unbounded before it is known."""
@@ -307,6 +308,11 @@ class App:
             self._loading.remove()
             with self._plot_tab:
                 self._plots = [(plot, gui.add_html(""), add_plot(gui, plot, run, is_last=plot is plots[-1])) for plot in plots]
+        if way := way_html(session):
+            if self._way is None:
+                with self._plot_panel.add_tab("Way"):
+                    self._way = self._viser.gui.add_html("")
+            change(self._way, "content", way)
         for plot, legend, handle in self._plots:
             change(legend, "content", legend_html(plot, run, session.cursor_s, forked=fork is not None))
             handle.data = plot_data(plot, run, session.cursor_s, fork)

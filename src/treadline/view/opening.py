@@ -16,7 +16,7 @@ from treadline.core.files import json_of
 from treadline.core.models import BAG_SUFFIXES, ControllerDesign
 from treadline.core.processes import killed_with_starter
 from treadline.io.mcap_read import has_arrivals, run_metadata
-from treadline.io.runs import LOG, RUN_CONTROLLER
+from treadline.io.runs import LOG, RUN_CONTROLLER, read_walk
 from treadline.playback import manifest_of, read_recording, run_folder_of
 from treadline.scenario.scenario import Scenario, read_scenario
 from treadline.scenario.shipped_files import DATA
@@ -73,7 +73,7 @@ def open_recorded(target: str) -> Session:
 
     Raises:
         LogFormatError: If the log is missing, damaged, empty, or without poses.
-        SettingsError: If the run is of another version.
+        SettingsError: If the run is of another version, or its ``check.csv`` is damaged.
     """
     path, recording = Path(target), read_recording(target)
     if not recording.has_poses:
@@ -83,6 +83,12 @@ def open_recorded(target: str) -> Session:
         )
     scenario = recording.scenario or Scenario()
     feed = Feed.recorded(recording, Order(scenario=scenario, seed=recording.seed, controller=_controller_of(path)))
+    kept = run_folder_of(path)
+    walked = None if kept is None or recording.scenario is None else read_walk(kept)
+    if walked is not None:
+        from treadline.vehicle.ground_profile import ground_profile  # loads numba
+
+        feed.way = ground_profile(feed.staircase), walked
     log = path / LOG if (path / LOG).is_file() else path
     latency_s = recording.chair.mount_of(rear=scenario.drive.direction == "down").device.latency_s
     if len(recording.frames_t_s) or not has_arrivals(log):
