@@ -18,8 +18,8 @@ from treadline.mission.follow import FollowCommand, Follower, Place, Terrain, te
 from treadline.vehicle.loading import plumb
 
 CREST_SPARE_RAD = 1.7 * DEG
-"""Heading error that is not corrected over the crest [rad]. Only the gyro measures the heading there. A gyro drift of 1 °/s for six
-seconds caused a heading error of 5.0° with this dead band and 6.3° without; with a sound gyro the error was at most 2.9° with and
+"""Heading error that is not corrected over the ends of a flight [rad]. Only the gyro measures the heading there. A gyro drift of
+1 °/s for six seconds caused a heading error of 5.0° with this dead band and 6.3° without; with a sound gyro the error was at most 2.9° with and
 2.1° without (28 and 30°, six runs, at twice the present gain)."""
 FOLLOWS = ("approach", "mount", "climb", "crest", "land", "edge", "descend", "leave")
 """States in which the follower commands the chair near the ends of a flight."""
@@ -100,13 +100,19 @@ def approach(now: Situation, motions: Motions) -> MotionPlan:
 
 
 def go_over(now: Situation, motions: Motions) -> MotionPlan:
-    """Follows the way over the end of the flight; over the crest only large heading errors are corrected."""
+    """Follows the way over the end of the flight; only large heading errors are corrected there."""
     command = now.crossing.command
     if command is None:
         return now.still
-    turn = motions.level.keep(now.estimate, spare_rad=CREST_SPARE_RAD if now.is_up else 0.0)
+    spare_rad = 0.0 if now.phase == "approach" else CREST_SPARE_RAD
+    turn = motions.level.keep(now.estimate, spare_rad=spare_rad) if _drives(command) else 0.0
     feedforward = motions.pitch_feedforward(now, allowed=command.is_unloaded and now.is_on_a_flight)
     return driving(now, command.speed_m_s + feedforward, turn, command.flipper)
+
+
+def _drives(command: FollowCommand) -> bool:
+    """Return whether the belts run: one that waits for its flipper is not turned on the spot over a nosing."""
+    return abs(command.speed_m_s) > 0.5 * SLOW_M_S
 
 
 # --- over the crest
@@ -195,8 +201,10 @@ def is_not_let_down(now: Situation) -> str | None:
 def leave(now: Situation, motions: Motions) -> MotionPlan:
     """Follows the way off the last nosings."""
     command = _at(now, "foot", "top")
-    turn = motions.level.keep(now.estimate)
-    return driving(now, -SLOW_M_S, turn) if command is None else driving(now, command.speed_m_s, turn, command.flipper)
+    if command is None:
+        return driving(now, -SLOW_M_S, motions.level.keep(now.estimate))
+    turn = motions.level.keep(now.estimate, spare_rad=CREST_SPARE_RAD) if _drives(command) else 0.0
+    return driving(now, command.speed_m_s, turn, command.flipper)
 
 
 def cannot_leave(now: Situation) -> str | None:

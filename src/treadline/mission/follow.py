@@ -55,7 +55,7 @@ PRESS_RAD_S = 10.0 * DEG
 """Rate at which the tip is pressed down where a contact is not measured [rad/s]."""
 CONTACT_SHARE, LIFTED_RAD = 0.5, 0.7 * DEG
 """Share of its load from which a contact counts as measured, and angle by which a tip that bears lifts the chair [rad]: one that
-reaches far down stands by friction, without torque. A chair would rather have fallen by ``AGREES_RAD``."""
+reaches far down stands by friction, without torque. From half as much again as ``AGREES_RAD`` a chair would have fallen."""
 PLACE_SIGMA_M, ANGLE_SIGMA_RAD, PITCH_SIGMA_RAD = 0.015, 1.3 * DEG, 0.1 * DEG
 """Standard deviations of a chair's place by the tracker [m], of the flipper's angle on the ground, 10 mm at its tip, and of the
 pitch [rad]."""
@@ -276,8 +276,9 @@ class Follower:
         """Return whether an end of the flight is so near that a way is needed soon."""
         foot_m, top_m = terrain.x_m - terrain.foot_m, terrain.top_m - terrain.x_m
         first_m, second_m = (foot_m, top_m) if self._sign > 0.0 else (top_m, foot_m)
-        reach_m = self._pivot_m + self._length_m + BEFORE_M + SLOW_FROM_M
-        return -reach_m < first_m < self._pivot_m or second_m < self._pivot_m + SLOW_FROM_M + SLOW_FROM_M
+        early_m = 0.8 * SLOW_FROM_M  # a table is full in about two seconds
+        reach_m = self._pivot_m + self._length_m + BEFORE_M + early_m
+        return -reach_m < first_m < self._pivot_m or second_m < self._pivot_m + SLOW_FROM_M + early_m
 
     def _is_slow(self, terrain: Terrain) -> bool:
         """Return whether the end of the flight is near."""
@@ -341,8 +342,9 @@ class Follower:
         pace = self._pace * contact / (first_s + second_s)
         speed = pace * (then.x_m - at.x_m) / max(math.cos(pitch), 0.8)
         rate = pace * (then.angle_rad - at.angle_rad) - (1.0 - contact) * PRESS_RAD_S
-        # Belts that slip leave the chair behind its place by the tracker: it has not tipped as far as it would have there.
-        self._elsewhere_s = self._elsewhere_s + dt_s if pitch - at.pitch_rad > 2.0 * AGREES_RAD else 0.0
+        # Belts that slip up leave the chair behind its place by the tracker: it has not tipped as far as it would have there.
+        is_behind = place == "top" and self._sign > 0.0 and pitch - at.pitch_rad > 2.0 * AGREES_RAD
+        self._elsewhere_s = self._elsewhere_s + dt_s if is_behind else 0.0
         stands = self._elsewhere_s > LOOK_S
         self._watch(table, at, flipper, 0.0 if stands else rate, dt_s, bears=bears)
         return (at, 0.0, 0.0) if self._barred or stands else (at, speed, rate)
@@ -389,7 +391,7 @@ class Follower:
         per_m = (other.torques_n_m[0] - pose.torques_n_m[0]) / 0.05
         lever_m = self._length_m * math.cos(flipper.angle_rad + pose.pitch_rad)
         expected_n_m = pose.torques_n_m[0] + per_m * (self._leans_m - self._planned_m)
-        off_n_m, noise_n_m = self._tip.load_n * lever_m - expected_n_m, LOAD_SHARE * expected_n_m
+        off_n_m, noise_n_m = self._tip.load_n * lever_m - expected_n_m, LOAD_SHARE * pose.torques_n_m[0]
         self._leans_m += gain * off_n_m * per_m * LEANS_SIGMA_M**2 / ((per_m * LEANS_SIGMA_M) ** 2 + noise_n_m**2)
         self._leans_m = min(max(self._leans_m, -2.0 * LEANS_SIGMA_M), 2.0 * LEANS_SIGMA_M)
         if abs(self._leans_m - self._planned_m) > LEANS_M:
@@ -404,7 +406,7 @@ class Follower:
         """
         falls_rad = then.pitch_rad - self._without_tip(table, then.x_m, then.pitch_rad)
         lifted_rad = pitch - self._without_tip(table, x_m, pitch)
-        if abs(falls_rad) < LIFTED_RAD or LIFTED_RAD < lifted_rad < AGREES_RAD:
+        if abs(falls_rad) < LIFTED_RAD or LIFTED_RAD < lifted_rad < 1.5 * AGREES_RAD:
             return 1.0
         wanted_n = max(CONTACT_SHARE * then.torque_n_m / self._length_m, UNLOADED_SHARE * self._tip.carries_n)
         return min(max(self._tip.load_n / wanted_n, 0.0), 1.0)
