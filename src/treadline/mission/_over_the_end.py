@@ -19,8 +19,8 @@ from treadline.vehicle.loading import plumb
 
 CREST_SPARE_RAD = 1.7 * DEG
 """Heading error that is not corrected over the ends of a flight [rad]. Only the gyro measures the heading there. A gyro drift of
-1 °/s for six seconds caused a heading error of 5.0° with this dead band and 6.3° without; with a sound gyro the error was at most 2.9° with and
-2.1° without (28 and 30°, six runs, at twice the present gain)."""
+1 °/s for six seconds caused a heading error of 5.0° with this dead band and 6.3° without; with a sound gyro the error was at most
+2.9° with and 2.1° without (28 and 30°, six runs, at twice the present gain)."""
 FOLLOWS = ("approach", "mount", "climb", "crest", "land", "edge", "descend", "leave")
 """States in which the follower commands the chair near the ends of a flight."""
 
