@@ -33,13 +33,10 @@ def _without_shape_checks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
 
 
-BAR_ON_THE_LANDING = "a bar of 40 mm on the landing, down"
-ROCKS = pytest.mark.xfail(
-    reason="for an instant nothing but a fall of less than 2 degrees is ahead, which the simulator counts as rough"
-)
+ROCKS = pytest.mark.xfail(reason="it rocks by less than 2 degrees, which the simulator counts as rough")
 
 
-@pytest.mark.parametrize("name", [*sorted(TRIPS.keys() - {BAR_ON_THE_LANDING}), pytest.param(BAR_ON_THE_LANDING, marks=ROCKS)])
+@pytest.mark.parametrize("name", [pytest.param(name, marks=ROCKS if name.startswith("a bar of 40 mm") else ()) for name in TRIPS])
 def test_the_chair_drives_over_a_low_thing(name: str) -> None:
     """Test: statistical camera, traversal with the check. Expected result: arrival without a fall, slow over a known sill."""
     direction, stair, sills = TRIPS[name]

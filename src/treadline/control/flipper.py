@@ -48,7 +48,7 @@ PATIENCE_S = 8.0
 
 
 class Tip:
-    """Filtered load on the flipper's tip, and its durations above and below the thresholds."""
+    """Filtered load on the flipper's tip, and how long it has been above the threshold."""
 
     def __init__(self, loading: Loading) -> None:
         self._flipper = flipper_of(loading.chair)
@@ -57,7 +57,6 @@ class Tip:
         """Load above which the tip counts as standing [N]."""
         self._carried_s = 0.0
         self.load_n = 0.0
-        self.unloaded_s = 0.0
 
     @property
     def carries(self) -> bool:
@@ -73,7 +72,6 @@ class Tip:
         """Take the reading of one tick."""
         self.load_n += (self._load(pitch_rad, flipper) - self.load_n) * (1.0 - math.exp(-dt_s / TIP_S))
         self._carried_s = self._carried_s + dt_s if self.load_n > self.carries_n else 0.0
-        self.unloaded_s = self.unloaded_s + dt_s if self.is_unloaded else 0.0
 
     def _load(self, pitch_rad: float, flipper: FlipperReading) -> float:
         """Return the tip load from the motor torque: the torque that supports the flipper minus its weight."""

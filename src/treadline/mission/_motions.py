@@ -10,6 +10,7 @@ from dataclasses import replace
 from treadline.control.flipper import SLOW_M_S
 from treadline.core.angles import DEG
 from treadline.core.signals import FlipperCommand, ImuSample, MotionPlan, TrackReading
+from treadline.core.step_sizes import SINGLE_RISE_M
 from treadline.estimation.stair_tracker import SLIP_VALID_S, Side
 from treadline.mission._flat_ground_steering import SQUARE_RAD, LevelSteering
 from treadline.mission._flipper_planner import Deadline, awaited_rad, turn_to, turning_share
@@ -21,8 +22,6 @@ from treadline.mission.mission_config import KnownSill, MissionConfig
 from treadline.mission.planner import PlannerInput
 from treadline.vehicle.traction import NORMAL_SLIP, dead_zone_rad
 
-LOW_M = 0.04
-"""Height of the highest sill [m]: a ramp counts as no more (``scenario.sill``)."""
 ASIDE_RAD_M, ASIDE_RAD = 10.0 * DEG, 2.0 * DEG
 """Heading set point per metre of missing distance to a side [rad/m], and the largest such set point [rad]."""
 
@@ -118,33 +117,24 @@ class Motions:
 
     def over_low_edges(self, now: Situation, plan: MotionPlan) -> MotionPlan:
         """Return the plan, slowed down where a known low edge is under the belts or near them, and easing the chair over it."""
-        front_m, pivot_m = now.config.chair.reach_m, now.pivot_m
-        near = [up_m for ahead_m, up_m in self._low_edges(now) if _is_within(ahead_m, front_m, pivot_m)]
+        front_m, pivot_m, tracks = now.config.chair.reach_m, now.pivot_m, now.config.chair.tracks
+        near = [(ahead_m, up_m) for ahead_m, up_m in self._low_edges(now) if _is_within(ahead_m, front_m, pivot_m)]
         if not near or not plan.speed_m_s:  # a chair that stands stows its flipper
             return plan
         plan = replace(plan, speed_m_s=min(max(plan.speed_m_s, -SLOW_M_S), SLOW_M_S))
         if plan.phase in ("search", "mount") or (plan.phase == "approach" and plan.speed_m_s > 0.0):
             plan = replace(plan, pitch_feedforward_m_s=self.pitch_feedforward(now))
-        low_rad = self._over_low_edge_rad(now)
-        if low_rad is None or (now.crossing.command is not None and now.crossing.command.leads):
-            return plan
-        self.deadline.forget()
-        return replace(plan, flipper=turn_to(now, low_rad))
-
-    def _over_low_edge_rad(self, now: Situation) -> float | None:
-        """Return the flipper's angle over a known low edge that is under the belts [rad]; None where the flight is in its reach.
-
-        As the weight passes the edge with the rear on lower ground, the tip stands on that ground too: the chair does not fall.
-        """
-        front_m, pivot_m, tracks = now.config.chair.reach_m, now.pivot_m, now.config.chair.tracks
-        under = [(ahead_m, up_m) for ahead_m, up_m in self._low_edges(now) if _is_within(ahead_m, pivot_m, 0.0)]
+        under = [(ahead_m, up_m) for ahead_m, up_m in near if _is_within(ahead_m, pivot_m, 0.0)]
         # The chair must be off the flight now, and as its weight passes the edge.
         moves_m = (0.0, *(max(ahead_m, 0.0) for ahead_m, _ in under))
         places_m = [nosing_m - moved_m for nosing_m in now.stair.ahead_m() for moved_m in moves_m]
-        if not under or any(-pivot_m < place_m < front_m for place_m in places_m):
-            return None
+        follows = now.crossing.command is not None and now.crossing.command.leads
+        if not under or follows or any(-pivot_m < place_m < front_m for place_m in places_m):
+            return plan
+        # As the weight passes the edge with the rear on lower ground, the tip stands on that ground too: the chair does not fall.
+        self.deadline.forget()
         below_m = max(up_m for _, up_m in under) * (2.0 + tracks.approach_m / pivot_m)
-        return -math.asin(min(below_m / tracks.approach_m, 1.0))
+        return replace(plan, flipper=turn_to(now, -math.asin(min(below_m / tracks.approach_m, 1.0))))
 
     def _low_edges(self, now: Situation) -> list[tuple[float, float]]:
         """Return distance ahead of mid-track and height of the known low edges [m]; those of an earlier flight stay known."""
@@ -157,7 +147,7 @@ class Motions:
         for sill, at_m in self._sills_m.items():
             sign, highest_m = (-1.0 if sill.end == "foot" else 1.0), max(abs(z_m) for _, z_m in sill.outline)
             places_m = {at_m - stair.travel_m + sign * out_m for out_m, _ in sill.outline}
-            edges += [(ahead_m, min(highest_m, LOW_M)) for ahead_m in sorted(places_m)]
+            edges += [(ahead_m, min(highest_m, SINGLE_RISE_M[0])) for ahead_m in sorted(places_m)]
         return edges
 
 

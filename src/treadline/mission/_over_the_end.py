@@ -61,8 +61,6 @@ def _checked(now: Situation, crossing: Crossing) -> Crossing:
     against = gap or ("the operator sent the chair back" if now.goes_back else None)
     if against is None and _shows_too_little(now, whole_to_m):
         against = "no more of the flight is in view than the chair needs to lie on, nor its end"
-    if against is None and crossing.command is not None and crossing.command.barred:
-        against = crossing.command.barred
     # Beyond the edge the flipper cannot set the chair back on the landing any more.
     bears = now.phase == "edge" and plumb(now.loading, now.stair.pitch_rad) > now.around.top.ahead_m
     turned_back_for = crossing.turned_back_for or (against if against is not None and bears else "")
@@ -74,14 +72,11 @@ def _terrain(now: Situation) -> Terrain | None:
     stair, around = now.stair, now.around
     if around is None or (now.is_up and now.phase == "climb" and now.missing(KEEPS_M) is not None):
         return None
-    ends = (now.has_entered, stair.top_ends or _passes_the_last(now)) if now.is_up else (stair.bottom_ends, now.has_entered)
+    # Earlier frames would have shown a nosing beyond the one that the front pulley reaches.
+    is_last = stair.top_ends or around.top.ahead_m - now.pivot_m < ENTER_FROM_M
+    ends = (now.has_entered, is_last) if now.is_up else (stair.bottom_ends, now.has_entered)
     sills = {sill.end: sill.outline for sill in now.sills}
     return terrain_of(around, stair.x_m, ends, foot=sills.get("foot", ()), top=sills.get("top", ()))
-
-
-def _passes_the_last(now: Situation) -> bool:
-    """Return whether the front pulley reaches the last known nosing: earlier frames would have shown a further one."""
-    return now.around is not None and now.around.top.ahead_m - now.pivot_m < ENTER_FROM_M
 
 
 def _shows_too_little(now: Situation, whole_to_m: float) -> bool:

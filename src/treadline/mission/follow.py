@@ -8,7 +8,7 @@ those on the table's ground. A contact that the table predicts must be measured 
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -21,7 +21,7 @@ from treadline.estimation.known_nosings import KnownNosings
 from treadline.vehicle.loading import Loading
 from treadline.vehicle.rest_poses import Ground, RestPose, nosings_of, rest_chair
 from treadline.vehicle.traction import friction_needed
-from treadline.vehicle.way import FLIPPER_RAD_S, PITCH_RAD_S, SPEED_M_S, WayState, WayTable
+from treadline.vehicle.way import FLIPPER_RAD_S, PITCH_RAD_S, SPEED_M_S, WayState, WayTable, steepest_rad
 
 Place = Literal["before", "foot", "ride", "top", "past"]
 """Where a chair is: before the flight, over its foot, on it with the flipper riding, over its upper end, or past it."""
@@ -88,14 +88,24 @@ class FollowCommand:
     """Whether nothing leans on the tip."""
     state: WayState | None = None
     """State of the table that is nearest to the chair; None while it does not follow a way."""
-    way: str = ""
-    """Least margin to tipping and largest torque of the way, in words."""
+    table: WayTable | None = field(default=None, repr=False, compare=False)
+    """Table that was filled last; None before the first."""
     is_slow: bool = False
     """Whether the end of the flight is near."""
     barred: str = ""
     """Why the chair does not come further; empty while it does."""
     slips: bool = False
     """Whether it does not come further because its belts slip."""
+
+    @property
+    def way(self) -> str:
+        """Least margin to tipping and largest torque of the way, in words."""
+        if self.table is None:
+            return "no way yet"
+        way = self.table.path(self.table.start)
+        if way is None:
+            return "no way over it"
+        return f"on its way at least {way.margin_rad / DEG:.0f}° to tipping, at most {way.torque_n_m:.0f} N m at the flipper"
 
     @property
     def leads(self) -> bool:
@@ -183,7 +193,8 @@ class Follower:
         self._table: WayTable | None = None
         self._filling: tuple[WayTable, Iterator[None]] | None = None
         self._made_s = -math.inf
-        self._way = "no way yet"
+        self._filled: WayTable | None = None
+        """Table that was filled last."""
         self._ahead_m = 0.0
         """Distance by which the chair is further ahead on the table's ground than on the present one [m]."""
         self._begin()
@@ -226,7 +237,7 @@ class Follower:
             tip_n=self._tip.load_n,
             is_unloaded=self._tip.is_unloaded,
             state=state,
-            way=self._way,
+            table=self._filled,
             is_slow=self._is_slow(terrain),
             barred=self._barred,
             slips=self._barred == SLIPS,
@@ -254,7 +265,8 @@ class Follower:
             table, portions = self._filling
             for _ in range(math.ceil(tick_s * PORTIONS_PER_S)):
                 if next(portions, self) is self:
-                    self._table, self._filling, self._way = table, None, _words_of(table)
+                    self._table = self._filled = table
+                    self._filling = None
                     break
         ahead_m = None if self._table is None else self._ahead(self._table, terrain)
         self._ahead_m = self._ahead_m if ahead_m is None else ahead_m
@@ -266,7 +278,10 @@ class Follower:
         end_m, end_rad = self._end(terrain)
         try:
             start = self._chair.at(terrain.ground, terrain.x_m, (flipper.angle_rad,), imu.pitch_rad)
-            known = friction_needed(_steepest_rad(terrain, self._pivot_m))
+            ground = terrain.ground
+            # Over a single nosing the chair is pitched with its rear before it.
+            single_rad = math.atan2(float(nosings_of(ground)[-1, 1] - ground[0, 1]), self._pivot_m)
+            known = friction_needed(steepest_rad(ground, single_rad))
             table = WayTable(self._chair, [terrain.ground], start, end_m, self._range_rad, end_rad=end_rad, known_friction=known)
         except MechanicsError:
             return
@@ -405,8 +420,7 @@ class Follower:
         A tip without which the chair would turn by less than ``LIFTED_RAD`` need not be measured.
         """
         falls_rad = then.pitch_rad - self._without_tip(table, then.x_m, then.pitch_rad)
-        lifted_rad = pitch - self._without_tip(table, x_m, pitch)
-        if abs(falls_rad) < LIFTED_RAD or LIFTED_RAD < lifted_rad < 1.5 * AGREES_RAD:
+        if abs(falls_rad) < LIFTED_RAD or LIFTED_RAD < pitch - self._without_tip(table, x_m, pitch) < 1.5 * AGREES_RAD:
             return 1.0
         wanted_n = max(CONTACT_SHARE * then.torque_n_m / self._length_m, UNLOADED_SHARE * self._tip.carries_n)
         return min(max(self._tip.load_n / wanted_n, 0.0), 1.0)
@@ -450,22 +464,6 @@ class Follower:
         self._waited_s += dt_s
         if self._waited_s > PATIENCE_S:
             self._barred = cause
-
-
-def _steepest_rad(terrain: Terrain, pivot_m: float) -> float:
-    """Return the pitch at which a chair lies on the ground: the slope of its nosings, or that with its rear before a low flight."""
-    nosings = nosings_of(terrain.ground)
-    slopes = np.diff(nosings, axis=0)
-    steepest = math.atan2(float(nosings[-1, 1] - terrain.ground[0, 1]), pivot_m)
-    return float(np.arctan2(slopes[:, 1], slopes[:, 0]).max(initial=0.0)) or steepest
-
-
-def _words_of(table: WayTable) -> str:
-    """Return a way in words."""
-    way = table.path(table.start)
-    if way is None:
-        return "no way over it"
-    return f"on its way at least {way.margin_rad / DEG:.0f}° to tipping, at most {way.torque_n_m:.0f} N m at the flipper"
 
 
 def _took(at: WayState, to: WayState) -> float:

@@ -142,7 +142,7 @@ STATES = (
 """States of a traversal: what the chair does, and how long without coming further (docs/decisions/0019).
 
 Each limit is longer than the longest way of its state: 160° at 10 °/s or 2.5 m at 0.1 m/s in the search, half a turn in ``align``,
-0.1 m at 0.1 m/s where the belts drive, and the stages of the crest sequence, each with a patience of 8 s; over the edge the chair
+0.1 m at 0.1 m/s where the belts drive, and the patience of the follower, 8 s; over the edge the chair
 may also be lifted and let down again.
 """
 EXITS = (

@@ -129,10 +129,9 @@ class WayTable:
         self.start = int(np.argmin(np.abs(steps))) * BRANCHES
         moves = range_rad[0] < range_rad[1]
         free, most = (share * chair.torques_n_m[0] if moves else math.inf for share in TORQUE_SHARES)
-        rises = np.diff(nosings_of(grounds[0]), axis=0)
         # A single nosing has no line to the next one: no pitch is above it.
-        steepest_rad = np.arctan2(rises[:, 1], rises[:, 0]).max() if rises.size else 0.5 * math.pi
-        self._limits = np.array([free, friction, ERROR_M, steepest_rad, most, known_friction])
+        self._limits = np.array([free, friction, ERROR_M, steepest_rad(grounds[0], 0.5 * math.pi), most, known_friction])
+        self._rates = np.array([SPEED_M_S, FLIPPER_RAD_S, PITCH_RAD_S])
         self._end_rad = end_rad
         poses = [chair.at(ground, start.x_m, start.angles_rad, start.pitch_rad) for ground in grounds]
         self._pitch[self.start] = [pose.pitch_rad for pose in poses]
@@ -140,7 +139,7 @@ class WayTable:
 
     def fill(self) -> Iterator[None]:
         """Explore and relax in portions."""
-        rates, prices = np.array([SPEED_M_S, FLIPPER_RAD_S, PITCH_RAD_S]), np.array(PRICES)
+        prices = np.array(PRICES)
         explored = 0
         while explored < self._count:
             last = explored + PORTION
@@ -160,7 +159,7 @@ class WayTable:
                 self.chair.masses,
                 self.chair.torques_n_m,
                 self._limits,
-                rates,
+                self._rates,
                 prices,
             )
             explored = last
@@ -180,9 +179,8 @@ class WayTable:
 
     def after(self, node: int, time_s: float) -> int:
         """Return the state on the way from a state after so much time."""
-        rates = np.array([SPEED_M_S, FLIPPER_RAD_S, PITCH_RAD_S])
         leads, cost, to_go, pitch = self._leads, self._cost, self._to_go, self._pitch
-        return int(after(node, time_s, leads, cost, to_go, pitch, self.places_m, self.angles_rad, rates))
+        return int(after(node, time_s, leads, cost, to_go, pitch, self.places_m, self.angles_rad, self._rates))
 
     def state(self, node: int) -> WayState:
         """Return a state of the table."""
@@ -233,6 +231,12 @@ def find_way(
     for _ in table.fill():
         pass
     return table.path(table.start)
+
+
+def steepest_rad(ground: Ground, single_rad: float) -> float:
+    """Return the slope of the steepest line from one nosing to the next [rad]; ``single_rad`` where there are not two."""
+    rises = np.diff(nosings_of(ground), axis=0)
+    return float(np.arctan2(rises[:, 1], rises[:, 0]).max()) if rises.size else single_rad
 
 
 def _places(start_m: float, end_m: float, ground: Ground, step_m: float) -> Float[np.ndarray, " n"]:
