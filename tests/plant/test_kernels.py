@@ -31,33 +31,63 @@ def test_rotations_and_quaternions_are_those_of_angles(seed: int) -> None:
     np.testing.assert_array_equal(back, rotation_of(q))
 
 
-def test_a_chair_stands_on_what_it_touched_and_on_nosings_that_it_rocks_onto() -> None:
+ROCKING = math.tan(math.radians(2.0))
+"""Ground within 2° of turning is support."""
+
+
+def test_a_chair_stands_on_what_it_touched_lately() -> None:
     reaches = np.array([[0.1, 0.2, 0.3, 0.3], [0.2, 0.1, 0.3, 0.4]])
-    # Under the belts, too far below them, beyond their end.
-    nosings = np.array([[0.35, 0.0, -0.01], [-0.4, 0.0, -0.02], [0.6, 0.0, 0.0]])
-    found = kernels.support(reaches, nosings, np.zeros(3), np.eye(3), 0.5, 0.015)
-    assert found == (0.35, 0.2, 0.3, 0.4)
+    assert kernels.touching(reaches) == (0.2, 0.2, 0.3, 0.4)
 
 
-@pytest.mark.parametrize(("gap_m", "counts"), [(0.0, True), (0.0099, True), (0.011, False)])
+def test_a_chair_stands_on_nosings_that_it_meets_within_two_degrees_of_turning() -> None:
+    # 0.2 m from the contact 2° are 7 mm. The second is further below the belts, the third beyond their end; a rounding lifts the top.
+    edges = np.array([[0.4, 0.0, -0.0169, 0.01], [-0.4, 0.0, -0.0071, 0.0], [0.6, 0.0, 0.0, 0.0]])
+    found = kernels.support(0.2, 0.2, edges, np.zeros(3), np.eye(3), 0.5, ROCKING)
+    assert found == (0.4, 0.2)
+
+
+def test_a_chair_in_the_air_stands_on_nothing() -> None:
+    found = kernels.support(-math.inf, -math.inf, np.array([[0.4, 0.0, 0.0, 0.0]]), np.zeros(3), np.eye(3), 0.5, ROCKING)
+    assert found == (-math.inf, -math.inf)
+
+
+@pytest.mark.parametrize("gap_m", [0.0, 0.01, 0.2])
 @pytest.mark.parametrize("pitch_deg", [0.0, 28.0])
-def test_a_tip_within_ten_millimetres_of_a_tread_is_support_below_its_axis(gap_m: float, counts: bool, pitch_deg: float) -> None:
+def test_a_pulley_is_above_the_highest_tread_below_its_axis(gap_m: float, pitch_deg: float) -> None:
     # A tread of 0.3 m whose top is at 1.0 m, and a higher one above the tip that carries nothing.
     surfaces = np.array([[0.0, 0.0, 1.0, 0.0, 0.15, 0.6, 1.0, 0.0], [0.0, 0.0, 1.0, 0.0, 0.15, 0.6, 1.5, 0.0]])
     R = rotation_y(-pitch_deg * math.pi / 180.0)
     tip_B, radius = np.array([0.9, 0.325, 0.2]), 0.07
     axis_W = np.array([0.05, 0.325, 1.0 + radius + gap_m])
-    found = kernels.tip_support(surfaces, 0.9, 0.2, 0.325, radius, axis_W - R @ tip_B, R, 0.010)
+    place_m, found_m = kernels.pulley_gap(surfaces, 0.9, 0.2, 0.325, radius, axis_W - R @ tip_B, R)
     lowest_B = tip_B + R.T @ np.array([0.0, 0.0, -radius])
-    assert found == (pytest.approx(lowest_B[0]) if counts else -math.inf)
+    assert (place_m, found_m) == (pytest.approx(lowest_B[0]), pytest.approx(gap_m, abs=1e-12))
 
 
-def test_a_tip_beyond_the_end_of_a_turned_tread_is_no_support() -> None:
+def test_a_pulley_beyond_the_end_of_a_turned_tread_has_no_ground() -> None:
     c, s = math.cos(0.5), math.sin(0.5)
     surfaces = np.array([[0.0, 0.0, c, s, 0.15, 0.6, 1.0, 0.0]])
-    for out_m, counts in ((0.149, True), (0.151, False)):
+    for out_m, stands in ((0.149, True), (0.151, False)):
         p_WB = np.array([out_m * c - 0.9, out_m * s, 1.0])
-        assert (kernels.tip_support(surfaces, 0.9, 0.07, 0.0, 0.07, p_WB, np.eye(3), 0.01) > 0.0) == counts
+        assert (kernels.pulley_gap(surfaces, 0.9, 0.07, 0.0, 0.07, p_WB, np.eye(3))[1] < math.inf) == stands
+
+
+@pytest.mark.parametrize(("gap_deg", "margin_deg"), [(1.9, 26.6), (2.1, 0.0)])
+def test_a_chair_upon_a_kerb_that_would_turn_onto_its_front_pulley_within_two_degrees_has_not_tipped(
+    gap_deg: float, margin_deg: float
+) -> None:
+    """Test: a level chair balanced on an edge below its centre of mass, 0.5 m high, its front pulley 0.25 m ahead in the air."""
+    numbers = np.zeros(kernels.CHAIR)
+    numbers[[kernels.HALF_RUN, kernels.APPROACH, kernels.RADIUS, kernels.CHASSIS_KG]] = 0.25, 0.0, 0.07, 50.0
+    numbers[kernels.CHASSIS + 2] = 0.5
+    floor = np.array([[0.25, 0.0, 1.0, 0.0, 0.1, 0.6, -0.25 * math.tan(math.radians(gap_deg)), 0.0]])
+    found = kernels.truth(
+        *(np.eye(3), np.zeros(3), np.eye(3), np.zeros(3), np.zeros(3), 0.0, 0.0, np.array([0.0, 0.5, 9.0, 9.0]), -1),
+        *(np.zeros((25, 4)), np.zeros((0, 4)), floor, numbers, np.zeros(3), np.zeros(3), ROCKING, (0.0, 0.0, 1.0)),
+    )
+    # arctan(0.25 m / 0.5 m) to the pulley, nothing to the edge.
+    assert math.degrees(found[8]) == pytest.approx(margin_deg, abs=0.05)
 
 
 @pytest.mark.parametrize("name", ["wheelchair", "wheelchair-fixed"])
@@ -71,10 +101,12 @@ def test_compiled_truth_agrees_with_the_mechanics_that_it_repeats(name: str) -> 
         reach = rng.uniform(0.2, 0.6, 4)
         declared = kernels.truth(
             *(np.eye(3), np.zeros(3), R_WB, p_WB, np.zeros(3), seat_rad, flipper_rad, reach, -1),
-            *(np.zeros((25, 4)), np.zeros((0, 3)), np.zeros((0, 7)), numbers, payload, payload, (0.015, 0.01), (0.0, 0.0, 1.0)),
+            *(np.zeros((25, 4)), np.zeros((0, 4)), np.zeros((0, 8)), numbers, payload, payload, ROCKING, (0.0, 0.0, 1.0)),
         )
         support = Support(front_m=reach[0], rear_m=reach[1], left_m=reach[2], right_m=reach[3])
         margins = tipping_margins(centre_of_mass(chair, loading, seat_rad, flipper_rad), tuple(R_WB[2].tolist()), support)
+        # Without a turn of the stair, its coordinates are those of the world.
+        np.testing.assert_allclose(declared[5:7], p_WB[:2], atol=1e-14)
         # The same sums in the same order: only the library of the trigonometric functions may differ.
         assert declared[8] == pytest.approx(margins.worst, abs=1e-14)
         place_W = p_WB + R_WB @ np.array(payload_place(chair, loading, seat_rad))

@@ -28,9 +28,9 @@ from treadline.playback._recording import SLIP_WINDOW_S, Recording
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.faults import EXTENTS, Fault, payload_shift_m
 from treadline.vehicle.bodies import centre_of_mass
-from treadline.vehicle.stair_solids import ground_m, stair_surfaces
+from treadline.vehicle.stair_solids import bearing_edges, ground_m, stair_surfaces
 from treadline.vehicle.staircase import Staircase
-from treadline.vehicle.tip_over_margin import ROCKING_M, TIP_GAP_M, Margins, Support, tipping_margins
+from treadline.vehicle.tip_over_margin import ROCKING, Margins, Support, tipping_margins
 
 QUALITY = "/camera/quality"
 """Topic with one message per camera frame that the mission received."""
@@ -422,20 +422,20 @@ def support_at(chair: ChairDescription, staircase: Staircase, R_WB: Rotation, p_
     radius_m, half_m, side_m = tracks.pulley_radius_m, 0.5 * tracks.flat_run_m, 0.5 * (tracks.gauge_m + tracks.belt_width_m)
     tip_x = half_m + tracks.approach_m * math.cos(flipper_rad)
     axes = np.array([[-half_m, radius_m], [half_m, radius_m], [tip_x, radius_m + tracks.approach_m * math.sin(flipper_rad)]])
-    nosings = ((staircase.nosings_W - p_WB) @ R_WB)[:, [0, 2]]
-    inside = np.abs(nosings[:, 0]) < half_m
-    touched = inside & (np.abs(nosings[:, 1]) < ROCKING_M)
+    edges, radii_m = bearing_edges(staircase)[:, :3], bearing_edges(staircase)[:, 3]
+    edges = ((edges - p_WB) @ R_WB)[:, [0, 2]]
+    gaps = np.full(len(edges), np.inf)
     for start, end in pairwise(axes):
-        share = np.clip((nosings - start) @ (end - start) / max(float(np.dot(end - start, end - start)), 1e-12), 0.0, 1.0)
-        touched |= np.linalg.norm(nosings - start - share[:, None] * (end - start), axis=1) - radius_m < CONTACT_M
-    reach = nosings[touched, 0].tolist()
+        share = np.clip((edges - start) @ (end - start) / max(float(np.dot(end - start, end - start)), 1e-12), 0.0, 1.0)
+        gaps = np.minimum(gaps, np.linalg.norm(edges - start - share[:, None] * (end - start), axis=1) - radius_m - radii_m)
     surfaces = stair_surfaces(staircase)
+    ends_W = p_WB + np.array([[x, side * 0.5 * tracks.gauge_m, z] for x, z in axes for side in (-1.0, 1.0)]) @ R_WB.T
+    under = (ends_W[:, 2] - ground_m(surfaces, ends_W) - radius_m).reshape(-1, 2).min(axis=1)
     # A pulley's lowest point is below its axis in W.
-    for (x, z), within_m in zip(axes, (CONTACT_M, CONTACT_M, TIP_GAP_M), strict=True):
-        ends_B = np.array([[x, side * 0.5 * tracks.gauge_m, z] for side in (-1.0, 1.0)])
-        ends_W = p_WB + ends_B @ R_WB.T
-        if (ends_W[:, 2] - ground_m(surfaces, ends_W) - radius_m <= within_m).any():
-            reach.append(float(x - radius_m * R_WB[2, 0]))
-    if not reach:
+    places, gaps = np.append(edges[:, 0], axes[:, 0] - radius_m * R_WB[2, 0]), np.append(gaps, under)
+    touching = places[gaps <= CONTACT_M]
+    if not touching.size:
         return None
-    return Support(front_m=max(reach), rear_m=-min(reach), left_m=side_m, right_m=side_m)
+    away = np.maximum(places - touching.max(), touching.min() - places)
+    reach = places[(gaps <= CONTACT_M) | (gaps <= ROCKING * away)]
+    return Support(front_m=float(reach.max()), rear_m=-float(reach.min()), left_m=side_m, right_m=side_m)

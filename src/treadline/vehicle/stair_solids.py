@@ -118,11 +118,18 @@ def stair_surfaces(staircase: Staircase) -> Float[np.ndarray, "N 8"]:
     return np.array([_top(box, np.array(box.centre_W) + box.half_m[2] * box.R_WK[:, 2]) for box in boxes])
 
 
-def bearing_edges(staircase: Staircase) -> Float[np.ndarray, "N 3"]:
-    """Return points at mid-width on which belts can stand: the nosings, and the upper edges of sills [m]."""
-    sills = [box for box in stair_boxes(staircase) if box.kind == "sill"]
+def bearing_edges(staircase: Staircase) -> Float[np.ndarray, "N 4"]:
+    """Return what belts can stand on at mid-width: the axes of the rounded nosings, and the upper edges of sills.
+
+    Columns: place in W, radius of the rounding [m].
+    """
+    solids = stair_solids(staircase)
+    bars = [solid.nosing for solid in solids if solid.nosing is not None]
+    sills = [solid.box for solid in solids if solid.box.kind == "sill"]
     edges = [box.centre_W + box.R_WK @ (end * box.half_m[0], 0.0, box.half_m[2]) for box in sills for end in (-1.0, 1.0)]
-    return np.array([*staircase.nosings_W, *edges])
+    middles = [0.5 * (np.array(bar.left_W) + np.array(bar.right_W)) for bar in bars]
+    radii = [*(bar.radius_m for bar in bars), *(0.0 for _ in edges)]
+    return np.column_stack([np.array([*middles, *edges]).reshape(-1, 3), radii])
 
 
 def _top(box: Box, centre_W: Vector3) -> tuple[float, ...]:

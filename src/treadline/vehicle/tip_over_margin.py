@@ -9,17 +9,16 @@ from dataclasses import dataclass
 
 from treadline.core.angles import DEG
 from treadline.scenario.chair import Point, Tracks
+from treadline.vehicle.rest_pose_kernels import SUPPORT_RAD
 
 MARGIN_LIMIT_RAD = 7.0 * DEG
 """Least accepted tip-over margin [rad]: the value of ISO 7176-24; conformity with the standard is not claimed."""
 UNKNOWN_RAD = 5.0 * DEG
 """Reserve of the tip-over margin for quantities that are not measured [rad]: a passenger 5 cm further back than assumed costs four
 degrees. What is left of the limit with it must remain on the whole way."""
-ROCKING_M = 0.015
-"""Largest gap between a nosing and the belts for the nosing to count as support [m]: the chair tips onto it within 1.5°."""
-TIP_GAP_M = 0.010
-"""Largest gap between the front tip and the ground for the tip to count as support [m]: the tip is 0.4 m ahead of the front pulley,
-so the chair tips onto it within 1.5°, as for ``ROCKING_M``."""
+ROCKING = math.tan(SUPPORT_RAD)
+"""Largest gap between the chair and ground over the distance of that ground from the contact about which the chair turns, for the
+ground to count as support: as of a rest pose (``rest_pose_kernels.SUPPORT_RAD``)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -38,7 +38,7 @@ from treadline.scenario.scenario import Chair, Realism, Scenario
 from treadline.vehicle.bodies import payload_com, payload_origin
 from treadline.vehicle.stair_solids import bearing_edges, stair_surfaces
 from treadline.vehicle.staircase import Staircase, build_staircase, up_W
-from treadline.vehicle.tip_over_margin import ROCKING_M, TIP_GAP_M
+from treadline.vehicle.tip_over_margin import ROCKING
 from treadline.vehicle.traction import friction_use
 
 
@@ -100,8 +100,6 @@ class Encoder:
 SUPPORT_TICKS = 25
 """Number of ticks during which a contact counts as support: contacts of a rocking chair are intermittent, and a chair drives 5 cm
 in a quarter of a second."""
-SUPPORT_WITHIN_M = (ROCKING_M, TIP_GAP_M)
-"""Support distances for ``kernels.truth``: ``ROCKING_M`` and ``TIP_GAP_M`` [m]."""
 SEAT_PITCH_NOISE_RAD = 0.05 * DEG
 """Standard deviation of the seat pitch reading [rad]."""
 FLIPPER_TORQUE_NOISE_N_M = 2.0
@@ -186,7 +184,7 @@ class Instruments:
         self._R_GW = rotation_x(scenario.stair.side_slope_deg * DEG)
         """Rotation from W into the axes of gravity G, whose z points up."""
         self._nosings_W = staircase.nosings_W
-        self._bearing_W = bearing_edges(staircase)
+        self._edges_W = bearing_edges(staircase)
         self._surfaces = stair_surfaces(staircase)
         there = [k for k, steps in enumerate(staircase.flights) for step in steps if not step.missing]
         self._nosings_x_m = np.array(
@@ -271,12 +269,12 @@ class Instruments:
             state.reach_m,
             place,
             self._reaches,
-            self._bearing_W,
+            self._edges_W,
             self._surfaces,
             self._numbers,
             self._seated,
             self._payload_at(state),
-            SUPPORT_WITHIN_M,
+            ROCKING,
             self._up_W,
         )
         x_m += along_m

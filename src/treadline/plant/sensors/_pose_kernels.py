@@ -30,12 +30,12 @@ def truth(
     reach,
     place,
     reaches,
-    nosings_W,
+    edges_W,
     surfaces,
     chair,
     seated,
     loaded,
-    near,
+    rocking,
     up_W,
 ):
     """Return the ground truth derived from a simulated chair's pose.
@@ -49,7 +49,7 @@ def truth(
             negative.
         chair: parameters as named above.
         seated: Centre of the payload from the hinge in the seat frame, without sway; ``loaded``: with sway.
-        near: Largest distances for support: between a nosing and the belts, and below a front tip.
+        rocking: Tangent of the angle by which the chair may turn onto ground for it to count as support.
         up_W: Unit vector against gravity: z of W, except on a stair that falls to a side.
     """
     heading, heading_rate, x, y = on_stair(R_SW, p_WS, R_WB, p_WB, rate)
@@ -60,10 +60,18 @@ def truth(
         reaches[:] = reach
     else:
         reaches[place] = reach
-    front, rear, left, right = support(reaches, nosings_W, p_WB, R_WB, chair[HALF_RUN], near[0])
+    half, radius, gauge = chair[HALF_RUN], chair[RADIUS], chair[HALF_GAUGE]
     out_x, out_z = math.cos(flipper_angle), math.sin(flipper_angle)
-    tip_x, tip_z = chair[HALF_RUN] + chair[APPROACH] * out_x, chair[RADIUS] + chair[APPROACH] * out_z
-    tip = tip_support(surfaces, tip_x, tip_z, chair[HALF_GAUGE], chair[RADIUS], p_WB, R_WB, near[1])
+    touches, tail, left, right = touching(reaches)
+    front, rear = support(touches, tail, edges_W, p_WB, R_WB, half, rocking)
+    tip_x, tip_z = half + chair[APPROACH] * out_x, radius + chair[APPROACH] * out_z
+    for pulley_x, pulley_z in ((half, radius), (tip_x, tip_z)):
+        ahead, gap = pulley_gap(surfaces, pulley_x, pulley_z, gauge, radius, p_WB, R_WB)
+        if touches > -math.inf and gap <= rocking * (ahead - touches):
+            front = max(front, ahead)
+    ahead, gap = pulley_gap(surfaces, -half, radius, gauge, radius, p_WB, R_WB)
+    if tail > -math.inf and gap <= rocking * (-ahead - tail):
+        rear = max(rear, -ahead)
 
     kg, com_x, com_y, com_z = chair[CHASSIS_KG], chair[CHASSIS], chair[CHASSIS + 1], chair[CHASSIS + 2]
     if chair[FLIPPER_KG] > 0.0:
@@ -81,7 +89,7 @@ def truth(
     com_z = (kg * com_z + seat_kg * payload[2]) / total
     lengthwise, sidewise = math.atan2(forward_z, up_z), math.atan2(left_z, up_z)
     margin = min(
-        math.atan2(max(front, tip) - com_x, com_z) + lengthwise,
+        math.atan2(front - com_x, com_z) + lengthwise,
         math.atan2(rear + com_x, com_z) - lengthwise,
         math.atan2(left - com_y, com_z) + sidewise,
         math.atan2(right + com_y, com_z) - sidewise,
@@ -117,50 +125,59 @@ def on_stair(R_SW, p_WS, R_WB, p_WB, rate):
 
 @njit(cache=True)
 @no_type_check
-def support(reaches, nosings_W, p_WB, R_WB, half_run, rocking):
-    """Return the reach of the chair's support from B: front, rear, left, right, each positive outward.
-
-    Args:
-        reaches: Reaches of recent belt contacts, one row each.
-        nosings_W: Nosings; those within ``rocking`` of the belts count as support, because the chair can rock onto them.
-        half_run: Half the length of the belts' flat run.
-    """
+def touching(reaches):
+    """Return the largest reach of recent belt contacts, one row each: front, rear, left, right, each positive outward."""
     front, rear, left, right = reaches[0]
     for reach in reaches:
         front, rear, left, right = max(front, reach[0]), max(rear, reach[1]), max(left, reach[2]), max(right, reach[3])
-    for nosing_W in nosings_W:
-        place = nosing_W - p_WB
-        x, z = dot(place, R_WB[:, 0]), dot(place, R_WB[:, 2])
-        if abs(z) < rocking and abs(x) < half_run:
-            front, rear = max(front, x), max(rear, -x)
     return front, rear, left, right
 
 
 @njit(cache=True)
 @no_type_check
-def tip_support(surfaces, tip_x, tip_z, half_gauge, radius, p_WB, R_WB, within):
-    """Return the distance of the front tip's support ahead of B, or minus infinity if neither tip is near the ground.
+def support(front, rear, edges_W, p_WB, R_WB, half_run, rocking):
+    """Return the reach of the belts' support from B, to front and rear: contacts, and the edges onto which the chair can rock.
+
+    Args:
+        front: Reach of the belts' contacts to the front; ``rear``: to the rear.
+        edges_W: Axes of the ground's rounded edges and their radii, one row each.
+        half_run: Half the length of the belts' flat run.
+        rocking: Tangent of the angle by which the chair may turn about the contact until it lies on an edge.
+    """
+    ahead, behind = front, rear
+    for edge_W in edges_W:
+        place = edge_W[:3] - p_WB
+        x, z = dot(place, R_WB[:, 0]), dot(place, R_WB[:, 2]) + edge_W[3]
+        if abs(x) < half_run:
+            if front > -math.inf and abs(z) <= rocking * (x - front):
+                ahead = max(ahead, x)
+            if rear > -math.inf and abs(z) <= rocking * (-x - rear):
+                behind = max(behind, -x)
+    return ahead, behind
+
+
+@njit(cache=True)
+@no_type_check
+def pulley_gap(surfaces, pulley_x, pulley_z, half_gauge, radius, p_WB, R_WB):
+    """Return the distance ahead of B of the lowest point of a pair of pulleys, and its gap to the ground; the smaller of the two.
 
     Args:
         surfaces: Flat tops, one row each: centre x, y, cosine and sine of the yaw, half length, half width, height,
             rise per metre.
-        tip_x: Axis of the tip pulleys in B, and ``tip_z`` the same, vertical.
-        within: Largest gap between the lowest point of a tip and the ground below for a contact.
+        pulley_x: Axis of the pulleys in B, and ``pulley_z`` the same, vertical.
     """
+    gap = math.inf
     for side in (-1.0, 1.0):
-        tip = np.array((tip_x, side * half_gauge, tip_z))
-        x, y, z = p_WB[0] + dot(R_WB[0], tip), p_WB[1] + dot(R_WB[1], tip), p_WB[2] + dot(R_WB[2], tip)
-        ground = -math.inf
+        axis = np.array((pulley_x, side * half_gauge, pulley_z))
+        x, y, z = p_WB[0] + dot(R_WB[0], axis), p_WB[1] + dot(R_WB[1], axis), p_WB[2] + dot(R_WB[2], axis)
         for row in surfaces:
             dx, dy = x - row[0], y - row[1]
             along, across = fused(row[2], dx, row[3] * dy), fused(row[2], dy, -(row[3] * dx))
-            # A tread above the tip's axis (open risers) gives no support.
+            # A tread above the axis (open risers) gives no support.
             height = fused(row[7], along, row[6])
             if abs(along) <= row[4] and abs(across) <= row[5] and height < z:
-                ground = max(ground, height)
-        if z - radius - ground <= within:
-            return tip_x - radius * R_WB[2, 0]  # the lowest point, below the axis in W
-    return -math.inf
+                gap = min(gap, z - radius - height)
+    return pulley_x - radius * R_WB[2, 0], gap  # the lowest point, below the axis in W
 
 
 @njit(cache=True)
