@@ -53,9 +53,9 @@ PACE_PER_S, STOPS_RAD_S = 1.0, 4.0 * DEG
 contact ends the pitch's motion at once, at 5 cm/s at the seat."""
 PRESS_RAD_S = 10.0 * DEG
 """Rate at which the tip is pressed down where a contact is not measured [rad/s]."""
-CONTACT_SHARE, LIFTED_RAD = 0.5, 0.7 * DEG
-"""Share of its load from which a contact counts as measured, and angle by which a tip that bears lifts the chair [rad]: one that
-reaches far down stands by friction, without torque. From half as much again as ``AGREES_RAD`` a chair would have fallen."""
+CONTACT_SHARE, LIFTED_RAD, TIP_FRICTION = 0.5, 0.7 * DEG, 1.0
+"""Share of its load from which a contact counts as measured, angle by which a tip that bears lifts the chair [rad], and friction of
+rubber on dry ground at most, by which a tip that reaches far down stands without torque."""
 PLACE_SIGMA_M, ANGLE_SIGMA_RAD, PITCH_SIGMA_RAD = 0.015, 1.3 * DEG, 0.1 * DEG
 """Standard deviations of a chair's place by the tracker [m], of the flipper's angle on the ground, 10 mm at its tip, and of the
 pitch [rad]."""
@@ -182,7 +182,7 @@ class Follower:
         """Chair by which ways are planned, and by how much its load leans ahead [m]."""
         self._tip, self._rate = Tip(loading), FlipperRate(flipper)
         self._range_rad = (flipper.range_deg[0] * DEG, flipper.range_deg[1] * DEG)
-        self._pivot_m, self._length_m = 0.5 * tracks.flat_run_m, tracks.approach_m
+        self._pivot_m, self._length_m, self._radius_m = 0.5 * tracks.flat_run_m, tracks.approach_m, tracks.pulley_radius_m
         self._rest_rad = tracks.approach_angle_deg * DEG
         self._turns_back, self._barred = False, ""
         self._t_s: float | None = None
@@ -343,7 +343,7 @@ class Follower:
             self._wait(dt_s, "no way leads over the ground that is seen")
             return None, 0.0, 0.0
         x_m = terrain.x_m + self._ahead_m + self._place_m
-        bears = self._correct(table, x_m, flipper, pitch, dt_s)
+        pose = self._correct(table, x_m, flipper, pitch, dt_s)
         node = table.nearest(x_m, flipper.angle_rad + self._offset_rad, pitch)
         if node < 0:
             self._table = None
@@ -353,7 +353,7 @@ class Follower:
         first_s, second_s = _took(at, half), _took(half, then)
         stops = abs((half.pitch_rad - at.pitch_rad) / first_s - (then.pitch_rad - half.pitch_rad) / second_s)
         self._pace = min(self._pace + PACE_PER_S * dt_s, STOPS_RAD_S / max(stops, STOPS_RAD_S))
-        contact = self._contact(table, x_m, pitch, then)
+        contact = min(self._contact(table, one) for one in (pose, self._pose(table, half), self._pose(table, then)))
         pace = self._pace * contact / (first_s + second_s)
         speed = pace * (then.x_m - at.x_m) / max(math.cos(pitch), 0.8)
         rate = pace * (then.angle_rad - at.angle_rad) - (1.0 - contact) * PRESS_RAD_S
@@ -361,11 +361,11 @@ class Follower:
         is_behind = place == "top" and self._sign > 0.0 and pitch - at.pitch_rad > 2.0 * AGREES_RAD
         self._elsewhere_s = self._elsewhere_s + dt_s if is_behind else 0.0
         stands = self._elsewhere_s > LOOK_S
-        self._watch(table, at, flipper, 0.0 if stands else rate, dt_s, bears=bears)
+        self._watch(table, at, flipper, 0.0 if stands else rate, dt_s, bears=pose is not None and pose.torques_n_m[0] > 0.0)
         return (at, 0.0, 0.0) if self._barred or stands else (at, speed, rate)
 
-    def _correct(self, table: WayTable, x_m: float, flipper: FlipperReading, pitch: float, dt_s: float) -> bool:
-        """Correct place and flipper angle on the table's ground, and return whether the tip bears there.
+    def _correct(self, table: WayTable, x_m: float, flipper: FlipperReading, pitch: float, dt_s: float) -> RestPose | None:
+        """Correct place and flipper angle on the table's ground, and return the pose there; None if the chair cannot stand there.
 
         The pitch corrects one of the two, by how it depends on either and how well either is known; a contact that is
         measured, or is not, corrects the angle.
@@ -376,7 +376,7 @@ class Follower:
             ahead = self._chair.at(table.ground, x_m + step_m, (angle,), pitch)
             raised = self._chair.at(table.ground, x_m, (angle + step_rad,), pitch)
         except MechanicsError:
-            return False
+            return None
         gain, off = 1.0 - math.exp(-dt_s / CORRECTS_S), pitch - pose.pitch_rad
         by_place, by_angle = (ahead.pitch_rad - pose.pitch_rad) / step_m, (raised.pitch_rad - pose.pitch_rad) / step_rad
         expects_n = pose.torques_n_m[0] / self._length_m
@@ -394,7 +394,7 @@ class Follower:
             self._offset_rad *= 1.0 - gain
         self._place_m = min(max(self._place_m, -2.0 * PLACE_SIGMA_M), 2.0 * PLACE_SIGMA_M)
         self._offset_rad = min(max(self._offset_rad, -3.0 * ANGLE_SIGMA_RAD), 3.0 * ANGLE_SIGMA_RAD)
-        return expects_n > 0.0
+        return pose
 
     def _weigh(self, table: WayTable, pose: RestPose, flipper: FlipperReading, gain: float) -> None:
         """Correct where the load leans, by the torque of a tip that lifts the chair; elsewhere it asks for a new way."""
@@ -414,16 +414,27 @@ class Follower:
             self._chair = rest_chair(self._loading.chair, self._loading.payload_kg, offset_m=(self._leans_m, 0.0, 0.0))
             self._table = None
 
-    def _contact(self, table: WayTable, x_m: float, pitch: float, then: WayState) -> float:
-        """Return how far a contact that is to bear is measured, 0 to 1: its tip carries a share of that load, or lifts the chair.
+    def _pose(self, table: WayTable, state: WayState) -> RestPose | None:
+        """Return the rest pose of a state; None where the chair would turn over."""
+        try:
+            return self._chair.at(table.ground, state.x_m, (state.angle_rad,), state.pitch_rad)
+        except MechanicsError:
+            return None
 
-        A tip without which the chair would turn by less than ``LIFTED_RAD`` need not be measured.
+    def _contact(self, table: WayTable, pose: RestPose | None) -> float:
+        """Return how far the contact that bears in a pose is measured, 0 to 1: its tip carries a share of that load.
+
+        Friction at a tip that reaches far down takes load off its motor. What need not be measured: a tip without which the chair
+        would turn by less than ``LIFTED_RAD``, and a contact near the flipper's axis, onto which the flipper cannot press.
         """
-        falls_rad = then.pitch_rad - self._without_tip(table, then.x_m, then.pitch_rad)
-        if abs(falls_rad) < LIFTED_RAD or LIFTED_RAD < pitch - self._without_tip(table, x_m, pitch) < 1.5 * AGREES_RAD:
+        if pose is None or abs(pose.pitch_rad - self._without_tip(table, pose.x_m, pose.pitch_rad)) < LIFTED_RAD:
             return 1.0
-        wanted_n = max(CONTACT_SHARE * then.torque_n_m / self._length_m, UNLOADED_SHARE * self._tip.carries_n)
-        return min(max(self._tip.load_n / wanted_n, 0.0), 1.0)
+        c, s = math.cos(pose.pitch_rad), math.sin(pose.pitch_rad)
+        if pose.front_m[0] - pose.x_m - self._pivot_m * c + self._radius_m * s < 0.5 * self._length_m:
+            return 1.0
+        shows = 1.0 - TIP_FRICTION * max(math.tan(-pose.angles_rad[0] - pose.pitch_rad), 0.0)
+        wanted_n = shows * max(CONTACT_SHARE * pose.torques_n_m[0] / self._length_m, UNLOADED_SHARE * self._tip.carries_n)
+        return 1.0 if wanted_n <= 0.0 else min(max(self._tip.load_n / wanted_n, 0.0), 1.0)
 
     def _without_tip(self, table: WayTable, x_m: float, pitch: float) -> float:
         """Return the pitch at which the chair would rest with its flipper raised [rad]; infinite where it would turn over."""
