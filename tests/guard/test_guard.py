@@ -849,8 +849,8 @@ def test_the_operators_stop_acts_within_the_tick_and_only_a_person_re_arms(press
     """Test: stop, or the dead-man released; readings go on; re-arm. Expected result: zero within the tick, held until re-armed."""
     drive = Drive(limits(silence_s=10.0)).run(1.0)
     drive.guard.admit(OperatorInput(t_s=drive.t_s, **press))
-    assert drive.step().brake
-    assert drive.guard.holding == "operator stop"
+    command = drive.step()
+    assert (command.left_m_s, command.right_m_s, drive.guard.holding) == (0.0, 0.0, "operator stop")
     drive.run(2.0)
     assert drive.passed.brake
     drive.guard.admit(OperatorInput(t_s=drive.t_s, rearm=True))

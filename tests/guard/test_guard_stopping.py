@@ -97,8 +97,8 @@ def running() -> Guard:
 
 
 def test_the_operator_stops_the_belts_within_a_tick_also_while_they_ramp_down() -> None:
-    """Test: the planner holds; 50 ms later, or at once, the operator lets go. Expected result: a ramp; zero and brake within the
-    operator's tick."""
+    """Test: the planner holds; 50 ms later, or at once, the operator lets go. Expected result: a ramp; zero within the operator's
+    tick, and the brake 0.3 s after the hold."""
     for after in (0, 5):
         guard = running()
         guard.on_message(MotionPlan(t_s=1.0, phase="climb", speed_m_s=0.2, hold="nothing to see"))
@@ -107,5 +107,8 @@ def test_the_operator_stops_the_belts_within_a_tick_also_while_they_ramp_down() 
             assert not passed.brake
             assert 0.0 < passed.left_m_s <= 0.2
         guard.admit(OperatorInput(t_s=1.06, dead_man=False))
-        assert guard.step(1.06, None).tracks == TrackCommand.stop(1.06)
+        stopped = guard.step(1.06, None).tracks
+        assert (stopped.left_m_s, stopped.right_m_s, stopped.brake) == (0.0, 0.0, False)
+        assert not guard.step(1.29, None).tracks.brake
+        assert guard.step(1.37, None).tracks == TrackCommand.stop(1.37)
         assert guard.holding == "nothing to see"

@@ -1,4 +1,4 @@
-"""How a held chair stops: braked at once for urgent causes, along a half-cosine of 0.3 s for all others.
+"""How a held chair stops: braked at once for urgent causes, without drive for a person, along a half-cosine of 0.3 s for all others.
 
 A hard brake at 0.2 m/s pushes the passenger with about 4 m/s²; a half-cosine takes π v / 2T = 1.0 m/s² at most and v T / 2 = 30 mm
 of travel. The command leads the half-cosine by the drives' lag, so that the belts follow it: of a half-cosine alone they still run
@@ -20,6 +20,8 @@ class Stop(Enum):
 
     BRAKE = "brake"
     """Brake at once: a ramp of 0.3 s and 30 mm would break a limit, or cannot be trusted."""
+    ZERO = "zero"
+    """Zero speed at once, the brake 0.3 s later: the drives' lag spares the passenger the jolt of the brake."""
     RAMP = "ramp"
     """Half-cosine: the chair may travel 30 mm more, and the passenger is spared a jolt."""
 
@@ -37,6 +39,8 @@ class RampedStop:
         self._belts_m_s = (0.0, 0.0)
         self.is_over = False
         """Whether the belts are braked; may be set to end the ramp."""
+        self.is_zero = False
+        """Whether the speed is zero from the first step on; may be set within the ramp."""
 
     def step(self, t_s: float, belts_m_s: tuple[float, float]) -> TrackCommand:
         """Return the command at a tick; a clock that does not advance ends the ramp.
@@ -55,5 +59,5 @@ class RampedStop:
         phase = math.pi * elapsed_s / RAMP_S
         # The half-cosine and its lead, v + lag dv/dt: the inverse of a first-order lag.
         share = max(0.5 * (1.0 + math.cos(phase) - math.pi * self._lag_s / RAMP_S * math.sin(phase)), 0.0)
-        left, right = self._belts_m_s
+        left, right = (0.0, 0.0) if self.is_zero else self._belts_m_s
         return TrackCommand(t_s=t_s, left_m_s=share * left, right_m_s=share * right)

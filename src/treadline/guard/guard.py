@@ -333,7 +333,7 @@ class Guard:
         self._latch.hold(self._now_s, Stop.BRAKE, self._admission.stamps.leap)
         pressed = new and self._button.press(down=operator.rearm)
         if operator.stop or not operator.dead_man:
-            self._latch.hold(self._now_s, Stop.BRAKE, "operator stop")
+            self._latch.hold(self._now_s, Stop.ZERO, "operator stop")
         elif pressed and self._latch.release(self._now_s, operator.t_s):
             self._restart(self._now_s)
         return new

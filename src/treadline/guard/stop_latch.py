@@ -44,8 +44,8 @@ class Latch:
             self.report(t_s, "hold", cause)
         elif stop is Stop.BRAKE and not self._ramp.is_over:
             self.report(t_s, "brake", cause)
-        if stop is Stop.BRAKE:
-            self._ramp.is_over = True
+        self._ramp.is_over = self._ramp.is_over or stop is Stop.BRAKE
+        self._ramp.is_zero = self._ramp.is_zero or stop is Stop.ZERO
 
     def stop(self, t_s: float, belts_m_s: tuple[float, float]) -> TrackCommand:
         """Return the command of a held chair.
