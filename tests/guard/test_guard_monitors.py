@@ -365,6 +365,18 @@ def test_slip_is_reported_after_its_time_and_held_after_twice() -> None:
     assert slipping(config, (0.0625, -0.03125, 8)).cause is not None
 
 
+@pytest.mark.parametrize(("came", "slips"), [(1.0, False), (1.5, False), (2.0, False), (0.5, True), (2.5, True)])
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_chair_that_travels_between_its_belts_does_not_slip(came: float, slips: bool, way: float) -> None:
+    """Test: belts of 0.1 and 0.2 m/s, forward and backward, in the dead zone of steering; the nosings show a multiple of the slower
+    belt's travel. Expected result: a cause outside the two belts alone."""
+    watch = SlipMonitor(limits())
+    for k in range(20):
+        travel = 0.0125 * k * way
+        watch.look(0.125 * k, [1.0 - came * travel, 1.5 - came * travel], travel, 0.0, travel)
+    assert (watch.cause is not None) == slips
+
+
 def test_a_chair_that_catches_up_with_its_belts_is_not_held_and_one_that_does_not_is() -> None:
     """Test: slip of 1.5 falls by half each three eighths of a second down to 0.38; it falls to 0.5 and stays there. Expected
     result: no cause, though it lasts 1.4 s; a cause half a second after the last fall."""

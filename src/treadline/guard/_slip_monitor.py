@@ -20,7 +20,8 @@ a constant slip is below a fifth."""
 class SlipMonitor:
     """Compares belt travel with the travel of the nosings; each nosing is matched with the nearest expected one.
 
-    A chair that turns on nosings skids. Slip is therefore judged only while the chair is square and does not turn, roll-back
+    A chair whose belts differ travels as far as one of them or anything between: only what lies outside is slip. A chair that turns
+    on nosings skids. Slip is therefore judged only while the chair is square and does not turn, roll-back
     always. When the nosings go out of view, the slip measurement starts again and the roll-back is kept: unobserved forward
     travel does not reduce it, and unobserved sliding counts as far as the nosings can still be matched.
 
@@ -32,7 +33,7 @@ class SlipMonitor:
     def __init__(self, config: GuardConfig) -> None:
         self._config = config
         self._t_s = -math.inf
-        self._travel_m = 0.0
+        self._travel_m = self._ahead_m = 0.0
         self._places: Sequence[float] = ()
         self._roll_back_m = self._back_m = self._since_slid_m = 0.0
         self._window: deque[tuple[float, float, float, float]] = deque()
@@ -41,7 +42,7 @@ class SlipMonitor:
         """Slip ratio if it exceeds the limit, otherwise 0."""
         self.cause: str | None = None
 
-    def look(self, t_s: float, places_m: Sequence[float], travel_m: float, heading_rad: float) -> None:
+    def look(self, t_s: float, places_m: Sequence[float], travel_m: float, heading_rad: float, ahead_m: float = 0.0) -> None:
         """Update with the nosings of one map.
 
         Args:
@@ -49,19 +50,20 @@ class SlipMonitor:
             places_m: Distances of the nosings from mid-track, perpendicular to them.
             travel_m: Travel of the slower belt towards the nosings.
             heading_rad: Heading estimate.
+            ahead_m: Travel of the faster belt beyond that of the slower one.
         """
         if not places_m:
             self._lose()
             return
         driven_m = travel_m - self._travel_m if self._places else 0.0
-        roll_back_m = self._slid(places_m, driven_m)
+        roll_back_m = self._slid(places_m, driven_m, ahead_m - self._ahead_m)
         came_m = driven_m - (roll_back_m or 0.0)
         if roll_back_m is None or not self._window or t_s - self._t_s > MATCH_S:
             self._lose()
             came_m = came_m if came_m < DRIVEN_LEAST_M else 0.0
         else:
             self._roll_back_m += roll_back_m
-        self._t_s, self._places, self._travel_m = t_s, places_m, travel_m
+        self._t_s, self._places, self._travel_m, self._ahead_m = t_s, places_m, travel_m, ahead_m
         self._window.append((t_s, travel_m, self._roll_back_m, heading_rad))
         self._judge(t_s)
         self._roll(came_m)
@@ -82,14 +84,18 @@ class SlipMonitor:
         self._since_s = self.cause = None
         self.slip = 0.0
 
-    def _slid(self, places_m: Sequence[float], driven_m: float) -> float | None:
-        """Return belt travel minus travel of the nosings since the last map [m]; None if the nosings cannot be matched."""
+    def _slid(self, places_m: Sequence[float], driven_m: float, ahead_m: float) -> float | None:
+        """Return belt travel minus travel of the nosings since the last map [m]; None if the nosings cannot be matched.
+
+        Args:
+            ahead_m: Travel of the faster belt beyond that of the slower one: what lies between them is no slip.
+        """
         expected = [place - driven_m for place in self._places]
         if not expected:
             return None
         apart = sorted(min((place - there for there in expected), key=abs) for place in places_m)
         middle = apart[len(apart) // 2]
-        return middle if abs(middle) <= SAME_M else None
+        return middle - min(max(middle, min(-ahead_m, 0.0)), max(-ahead_m, 0.0)) if abs(middle) <= SAME_M else None
 
     def _judge(self, t_s: float) -> None:
         limits, window_s = self._config, self._config.lasting_s - ROUNDING_S

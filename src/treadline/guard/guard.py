@@ -322,7 +322,8 @@ class Guard:
         on_flight = plan is None or (plan.phase in FLIGHT and (stair.direction == "up") == (plan.speed_m_s >= 0.0))
         if self._config.watches_slip and on_flight and math.isfinite(self._heading_rad):
             across = math.cos(self._heading_rad)
-            self._slip.look(stair.t_s, [place * across for place, _ in places], sign * slow_travel_m, self._heading_rad)
+            there_m, ahead_m = [place * across for place, _ in places], 2.0 * sign * (travel_m - slow_travel_m)
+            self._slip.look(stair.t_s, there_m, sign * slow_travel_m, self._heading_rad, ahead_m)
         else:
             self._slip.forget()
 
