@@ -41,7 +41,7 @@ def test_a_chair_stands_on_what_it_touched_lately() -> None:
 
 
 def test_a_chair_stands_on_nosings_that_it_meets_within_two_degrees_of_turning() -> None:
-    # 0.2 m from the contact 2° are 7 mm. The second is further below the belts, the third beyond their end; a rounding lifts the top.
+    # 0.2 m from the contact 2° are 7 mm. The second is further below the belts, the third beyond their end; roundings lift tops.
     edges = np.array([[0.4, 0.0, -0.0169, 0.01], [-0.4, 0.0, -0.0071, 0.0], [0.6, 0.0, 0.0, 0.0]])
     found = kernels.support(0.2, 0.2, edges, np.zeros(3), np.eye(3), 0.5, ROCKING)
     assert found == (0.4, 0.2)

@@ -30,21 +30,17 @@ GROUNDS: dict[str, dict[str, Any]] = {
 }
 
 
-def grounds_of(tables: dict[str, Any], off: tuple[tuple[float, float], ...] = ()) -> list[np.ndarray]:
-    """Return the ground, and others whose last step is longer and higher by so much."""
+def ground_of(tables: dict[str, Any]) -> np.ndarray:
     scenario = Scenario.model_validate(tables)
-    ground = ground_profile(as_designed(scenario.stair, scenario.step))
-    last = np.arange(len(ground)) >= len(ground) - 3
-    return [ground, *(ground + last[:, None] * np.array([along, up, 0.0]) for along, up in off)]
+    return ground_profile(as_designed(scenario.stair, scenario.step))
 
 
 def way_over(tables: dict[str, Any], *, down: bool, begin_m: float = 0.6, payload_kg: float = 60.0, **options: Any) -> PlannedWay:
-    grounds = grounds_of(tables, options.pop("off", ()))
-    chair, ground = rest_chair(CHAIR, payload_kg), grounds[0]
+    chair, ground = rest_chair(CHAIR, payload_kg), ground_of(tables)
     top_m = float(ground[-2, 0])
     ends = (-HALF_M - begin_m, top_m + HALF_M + begin_m)
     start_m, end_m = reversed(ends) if down else ends
-    way = find_way(chair, grounds, chair.at(ground, start_m, (REST_RAD,), 0.0), end_m, RANGE_RAD, **options)
+    way = find_way(chair, ground, chair.at(ground, start_m, (REST_RAD,), 0.0), end_m, RANGE_RAD, **options)
     assert way is not None
     return way
 
@@ -73,22 +69,28 @@ def test_up_and_down_are_the_same_poses_where_nothing_falls(name: str) -> None:
 def test_a_grid_that_is_halved_or_shifted_leaves_pitch_and_fall(name: str, options: dict[str, Any]) -> None:
     coarse, other = way_over(GROUNDS[name], down=False), way_over(GROUNDS[name], down=False, **options)
     highest = [max(pose.pitch_rad for pose in way.poses) for way in (coarse, other)]
-    assert highest[1] == pytest.approx(highest[0], abs=0.5 * DEG)
+    # A step of the flipper, 2.5° at 0.45 m, turns a chair that stands 0.95 m further back by 1.2°.
+    assert highest[1] == pytest.approx(highest[0], abs=1.2 * DEG)
     assert other.fall_m_s == pytest.approx(coarse.fall_m_s, rel=0.2, abs=0.005)
 
 
-def test_planned_on_seven_grounds_a_way_holds_on_each() -> None:
-    """Test: the last nosing 15 mm up or down, 30 mm along, mixed. Expected result: followed blindly on each of them, no fall of
-    more than a millimetre, where the way planned on the likely one alone may fall."""
-    off = ((0.0, 0.015), (0.0, -0.015), (0.03, 0.0), (-0.03, 0.0), (0.02, 0.015), (-0.02, -0.015))
-    way = way_over(GROUNDS["flight"], down=False, off=off)
-    chair = rest_chair(CHAIR, 60.0)
-    for ground in grounds_of(GROUNDS["flight"], off):
-        pose = chair.at(ground, way.poses[0].x_m, way.poses[0].angles_rad, 0.0)
-        for planned in way.poses[1:]:
-            pose, fall = chair.moved(ground, pose, planned.x_m, planned.angles_rad)
-            assert fall is None or fall.drop_m < 0.001
-        assert pose.pitch_rad == pytest.approx(0.0, abs=0.1 * DEG)
+@pytest.mark.parametrize("down", [False, True])
+@pytest.mark.parametrize("off_m", [(0.0, 0.006), (0.0, -0.006), (0.006, 0.0), (-0.006, 0.0)])
+def test_a_way_followed_blindly_keeps_its_margin_where_the_edge_is_off_by_two_deviations(
+    off_m: tuple[float, float], down: bool
+) -> None:
+    """Test: the last nosing 6 mm up, down or along: twice the deviation of a nosing in view; the follower plans anew from 8 mm.
+    Expected result: no fall of more than a tenth of a millimetre, and half a degree of margin lost at most."""
+    way = way_over(GROUNDS["flight"], down=down)
+    chair, ground = rest_chair(CHAIR, 60.0), ground_of(GROUNDS["flight"])
+    last = np.arange(len(ground)) >= len(ground) - 3
+    ground = ground + last[:, None] * np.array([*off_m, 0.0])
+    pose, margins = way.poses[0], []
+    for planned in way.poses[1:]:
+        pose, fall = chair.moved(ground, pose, planned.x_m, planned.angles_rad)
+        assert fall is None or fall.drop_m < 0.0001
+        margins.append(min(pose.front_margin_rad, pose.rear_margin_rad))
+    assert min(margins) > way.margin_rad - 0.5 * DEG
 
 
 def test_only_a_load_that_needs_it_uses_more_than_four_fifths_of_the_torque() -> None:
@@ -98,26 +100,26 @@ def test_only_a_load_that_needs_it_uses_more_than_four_fifths_of_the_torque() ->
 
 
 def test_a_way_needs_no_more_friction_than_there_is_and_there_is_none_on_ice() -> None:
-    ground = grounds_of(GROUNDS["flight"])[0]
+    ground = ground_of(GROUNDS["flight"])
     chair = rest_chair(CHAIR, 60.0)
     start = chair.at(ground, -1.0, (REST_RAD,), 0.0)
-    way = find_way(chair, [ground], start, 2.2, RANGE_RAD, friction=0.62)
+    way = find_way(chair, ground, start, 2.2, RANGE_RAD, friction=0.62)
     assert way is not None
     assert max(pose.friction for pose in way.poses) <= 0.62
-    assert find_way(chair, [ground], start, 2.2, RANGE_RAD, friction=0.3) is None
+    assert find_way(chair, ground, start, 2.2, RANGE_RAD, friction=0.3) is None
 
 
 def test_without_a_flipper_no_way_leads_quietly_over_a_crest() -> None:
-    ground = grounds_of(GROUNDS["flight"])[0]
+    ground = ground_of(GROUNDS["flight"])
     chair = rest_chair(CHAIR, 60.0)
-    way = find_way(chair, [ground], chair.at(ground, -1.0, (REST_RAD,), 0.0), 2.2, (REST_RAD, REST_RAD))
+    way = find_way(chair, ground, chair.at(ground, -1.0, (REST_RAD,), 0.0), 2.2, (REST_RAD, REST_RAD))
     assert way is None or way.fall_m_s > 0.3
 
 
 def test_a_ground_that_is_not_a_number_is_an_error_in_one_line() -> None:
-    ground = grounds_of(GROUNDS["kerb"])[0]
+    ground = ground_of(GROUNDS["kerb"])
     chair = rest_chair(CHAIR, 60.0)
     start = chair.at(ground, -1.0, (REST_RAD,), 0.0)
     uncertain = ground + np.array([0.0, math.nan, 0.0])
     with pytest.raises(MechanicsError, match="not a number; give metres"):
-        find_way(chair, [ground, uncertain], start, 1.0, RANGE_RAD)
+        find_way(chair, uncertain, start, 1.0, RANGE_RAD)

@@ -282,7 +282,7 @@ class Follower:
             # Over a single nosing the chair is pitched with its rear before it.
             single_rad = math.atan2(float(nosings_of(ground)[-1, 1] - ground[0, 1]), self._pivot_m)
             known = friction_needed(steepest_rad(ground, single_rad))
-            table = WayTable(self._chair, [terrain.ground], start, end_m, self._range_rad, end_rad=end_rad, known_friction=known)
+            table = WayTable(self._chair, ground, start, end_m, self._range_rad, end_rad=end_rad, known_friction=known)
         except MechanicsError:
             return
         self._filling = table, table.fill()

@@ -225,7 +225,7 @@ def _by_another_motion(walked: Walk, chair: ChairDescription) -> str:
     low_deg, high_deg = chair.flipper.range_deg
     start, nosings = walked.strides[0].pose, nosings_of(walked.ground)[:, 0]
     end_m = float(nosings[-1 if start.x_m < nosings[0] else 0]) + math.copysign(chair.reach_m, nosings.mean() - start.x_m)
-    way = find_way(walked.chair, [walked.ground], start, end_m, (low_deg * DEG, high_deg * DEG))
+    way = find_way(walked.chair, walked.ground, start, end_m, (low_deg * DEG, high_deg * DEG))
     if way is None or way.margin_rad < LEAST_RAD or way.fall_m_s > QUIET_M_S:
         return ""
     return f"the planner's flipper is at fault, for a motion with {way.torque_n_m:.0f} N m would be quiet; "

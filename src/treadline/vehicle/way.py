@@ -1,13 +1,13 @@
 """Way: how belts and flipper take a chair over any ground, with the least fall under what is not known, then in the least time.
 
-``RestChair, grounds, start -> WayTable -> PlannedWay``. A shortest path over place, flipper angle and branch of the rest pose, both
+``RestChair, ground, start -> WayTable -> PlannedWay``. A shortest path over place, flipper angle and branch of the rest pose, both
 directions alike: there is no case for kerb, foot, crest, edge, or a low step. Each move follows the rest pose in small parts, so
 that a pose that vanishes on the way is a fall, priced by the speed with which it ends. The prices are seconds of the drive.
 The table holds the way from every state that can be reached, so that it can be looked up from the state that is measured.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -25,7 +25,7 @@ PLACE_M, ANGLE_RAD = 0.025, 2.5 * DEG
 SPEED_M_S, FLIPPER_RAD_S, PITCH_RAD_S = 0.1, 16.0 * DEG, 7.0 * DEG
 """Belt speed [m/s], flipper rate and pitch rate [rad/s] with which a move is timed: those of the planner near an edge."""
 ERROR_M = 0.135
-"""Error of the centre of mass along the chair against which a pose is judged [m]: the limit of the tip-over margin with its reserve,
+"""Error of the centre of mass along the chair against which a pose is judged [m]: the limit of the margin with its reserve,
 12° at a height of 0.57 m, and 15 mm by which the place is not known."""
 QUIET_M_S = 0.02
 """Speed with which a fall may end without a jolt [m/s]: of a tenth of a millimetre."""
@@ -86,8 +86,8 @@ class WayTable:
 
     Args:
         chair: Chair.
-        grounds: Grounds that may be the true one, the likely one first, with as many vertices each.
-        start: Pose at the start on the first of them.
+        ground: Ground.
+        start: Pose at the start.
         end_m: Place of mid-track at the end.
         range_rad: Range of the flipper.
         end_rad: Flipper angle wanted at the end; None for any.
@@ -97,13 +97,13 @@ class WayTable:
         angle_rad: Step of the flipper's angle.
 
     Raises:
-        MechanicsError: If a ground holds a value that is not a number.
+        MechanicsError: If the ground holds a value that is not a number.
     """
 
     def __init__(
         self,
         chair: RestChair,
-        grounds: Sequence[Ground],
+        ground: Ground,
         start: RestPose,
         end_m: float,
         range_rad: tuple[float, float],
@@ -114,28 +114,26 @@ class WayTable:
         place_m: float = PLACE_M,
         angle_rad: float = ANGLE_RAD,
     ) -> None:
-        if not all(np.isfinite(ground).all() for ground in grounds):
+        if not np.isfinite(ground).all():
             raise MechanicsError("a place, height or radius of the ground is not a number; give metres")
-        self.chair, self.ground, self.end_m = chair, grounds[0], end_m
-        self._grounds = np.stack(grounds)
-        self.places_m = _places(start.x_m, end_m, grounds[0], place_m)
+        self.chair, self.ground, self.end_m = chair, ground, end_m
+        self.places_m = _places(start.x_m, end_m, ground, place_m)
         # The grid holds the angle at the start.
         low, high = ((bound - start.angles_rad[0]) / angle_rad for bound in range_rad)
         steps = np.arange(math.ceil(low - 1e-9), high + 1e-9)
         self.angles_rad = start.angles_rad[0] + angle_rad * steps
         size = self.places_m.size * self.angles_rad.size * BRANCHES
-        self._pitch, self._state = np.full((size, len(grounds)), np.nan), np.zeros((size, 3))
+        self._pitch, self._state = np.full(size, np.nan), np.zeros((size, 3))
         self._leads, self._cost = np.full((size, len(MOVES)), -1), np.zeros((size, len(MOVES), 2))
         self._order, self._to_go = np.empty(size, dtype=np.int64), np.full(size, np.inf)
         self.start = int(np.argmin(np.abs(steps))) * BRANCHES
         moves = range_rad[0] < range_rad[1]
         free, most = (share * chair.torques_n_m[0] if moves else math.inf for share in TORQUE_SHARES)
         # A single nosing has no line to the next one: no pitch is above it.
-        self._limits = np.array([free, friction, ERROR_M, steepest_rad(grounds[0], 0.5 * math.pi), most, known_friction])
+        self._limits = np.array([free, friction, ERROR_M, steepest_rad(ground, 0.5 * math.pi), most, known_friction])
         self._rates = np.array([SPEED_M_S, FLIPPER_RAD_S, PITCH_RAD_S])
         self._end_rad = end_rad
-        poses = [chair.at(ground, start.x_m, start.angles_rad, start.pitch_rad) for ground in grounds]
-        self._pitch[self.start] = [pose.pitch_rad for pose in poses]
+        self._pitch[self.start] = start.pitch_rad
         self._order[0], self._count = self.start, 1
 
     def fill(self) -> Iterator[None]:
@@ -155,7 +153,7 @@ class WayTable:
                 self._cost,
                 self.places_m,
                 self.angles_rad,
-                self._grounds,
+                self.ground,
                 self.chair.parts,
                 self.chair.masses,
                 self.chair.torques_n_m,
@@ -189,7 +187,7 @@ class WayTable:
         return WayState(
             x_m=float(self.places_m[node // (wide * BRANCHES)]),
             angle_rad=float(self.angles_rad[node // BRANCHES % wide]),
-            pitch_rad=float(self._pitch[node, 0]),
+            pitch_rad=float(self._pitch[node]),
             torque_n_m=float(self._state[node, 2]),
             to_go_s=float(self._to_go[node]),
         )
@@ -210,7 +208,7 @@ class WayTable:
                 self.ground,
                 float(self.places_m[n // (wide * BRANCHES)]),
                 (float(self.angles_rad[n // BRANCHES % wide]),),
-                float(self._pitch[n, 0]),
+                float(self._pitch[n]),
             )
             for n in nodes
         ]
@@ -221,14 +219,14 @@ class WayTable:
 
 def find_way(
     chair: RestChair,
-    grounds: Sequence[Ground],
+    ground: Ground,
     start: RestPose,
     end_m: float,
     range_rad: tuple[float, float],
     **options: float,
 ) -> PlannedWay | None:
-    """Return the cheapest way that holds on all grounds, or None; arguments and errors are those of ``WayTable``."""
-    table = WayTable(chair, grounds, start, end_m, range_rad, **options)
+    """Return the cheapest way, or None; arguments and errors are those of ``WayTable``."""
+    table = WayTable(chair, ground, start, end_m, range_rad, **options)
     for _ in table.fill():
         pass
     return table.path(table.start)

@@ -36,7 +36,7 @@ def explore(
     cost: Any,
     places: Any,
     angles: Any,
-    grounds: Any,
+    ground: Any,
     parts: Any,
     masses: Any,
     torques: Any,
@@ -51,14 +51,13 @@ def explore(
         count: Number of states found.
         last: Number of states after which this portion ends.
         order: States in the order in which they were found.
-        pitch: Pitch of each state on each ground [rad]; not a number where it has not been found.
-        state: Of each state: price of a second there; drop that an error would cause [m]; torque of the flipper's motor on
-            the likely ground [N m].
+        pitch: Pitch of each state [rad]; not a number where it has not been found.
+        state: Of each state: price of a second there; drop that an error would cause [m]; torque of the flipper's motor
+            [N m].
         leads: State to which each move leads from each state; -1 where it cannot be made.
         cost: Cost and drop [m] of each move.
         places: Grid of places in the order of the drive [m].
         angles: Grid of flipper angles [rad].
-        grounds: Grounds (profile, vertex, 3); the first is the likely one, all must be passed by the same moves.
         limits: Torque that is free [N m], most friction, error of the centre of mass along the chair [m], steepest line of the
             ground [rad], most torque [N m], friction that is known.
         rates: Speed of belts [m/s], flipper and pitch [rad/s].
@@ -67,8 +66,7 @@ def explore(
             radian of pitch; per radian of the flipper; per second of a torque that is twice what is free; per second of a
             friction of 1 above what is known.
     """
-    many, wide = grounds.shape[0], angles.size
-    there = np.empty(many)
+    wide = angles.size
     while first < count and first < last:
         node = order[first]
         first += 1
@@ -80,14 +78,9 @@ def explore(
             cell = (to_i * wide + to_j) * BRANCHES
             to, fall = _near(pitch, cell, pitch[node], JUMP_RAD), 0.0
             if to < 0:
-                before, after, stands = angles[j : j + 1], angles[to_j : to_j + 1], True
-                for p in range(many):
-                    there[p], _, _, drop, ends = follow(
-                        pitch[node, p], places[i], before, places[to_i], after, parts, masses, grounds[p]
-                    )
-                    fall = max(fall, drop)
-                    stands = stands and ends == RESTS
-                if not stands:
+                before, after = angles[j : j + 1], angles[to_j : to_j + 1]
+                there, _, _, fall, ends = follow(pitch[node], places[i], before, places[to_i], after, parts, masses, ground)
+                if ends != RESTS:
                     continue
                 to = _near(pitch, cell, there, SAME_RAD)
                 if to < 0:
@@ -95,13 +88,13 @@ def explore(
                     if to < 0:
                         continue
                     pitch[to] = there
-                    _describe(state[to], there, places[to_i], after, parts, masses, grounds, torques, limits, prices)
+                    _describe(state[to], there, places[to_i], after, parts, masses, ground, torques, limits, prices)
                     if state[to, 0] < np.inf:
                         order[count] = to
                         count += 1
             if state[to, 0] == np.inf:
                 continue
-            turned = abs(pitch[to, 0] - pitch[node, 0])
+            turned = abs(pitch[to] - pitch[node])
             swung = abs(angles[to_j] - angles[j])
             took = max(abs(places[to_i] - places[i]) / rates[0], swung / rates[1], turned / rates[2])
             leads[node, move], cost[node, move, 1] = to, fall
@@ -145,10 +138,10 @@ def cheapest(node: int, leads: Any, cost: Any, to_go: Any) -> int:
 
 
 @njit(cache=True)
-def _near(pitch: Any, first: int, there: Any, within: float) -> int:
-    """Return the branch of a cell that has nearly these pitches; -1 if there is none."""
+def _near(pitch: Any, first: int, there: float, within: float) -> int:
+    """Return the branch of a cell that has nearly this pitch; -1 if there is none."""
     for b in range(first, first + BRANCHES):
-        if np.abs(pitch[b] - there).max() < within:
+        if abs(pitch[b] - there) < within:
             return b
     return -1
 
@@ -157,37 +150,31 @@ def _near(pitch: Any, first: int, there: Any, within: float) -> int:
 def _free(pitch: Any, first: int) -> int:
     """Return a free branch of a cell; -1 if there is none."""
     for b in range(first, first + BRANCHES):
-        if math.isnan(pitch[b, 0]):
+        if math.isnan(pitch[b]):
             return b
     return -1
 
 
 @njit(cache=True)
 def _describe(
-    state: Any, there: Any, x: float, angle: Any, parts: Any, masses: Any, grounds: Any, torques: Any, limits: Any, prices: Any
+    state: Any, th: float, x: float, angle: Any, parts: Any, masses: Any, ground: Any, torques: Any, limits: Any, prices: Any
 ) -> None:
     """Write the price of a second in a pose, infinite where a limit forbids it, and what else a state has."""
     out = np.empty(15 + torques.size)
-    steepest, drop, torque, grip = 0.0, 0.0, 0.0, 0.0
     state[0] = np.inf
-    for p in range(grounds.shape[0]):
-        if not describe(there[p], x, angle, parts, masses, grounds[p], torques, out):
-            return
-        slips = abs(out[8] * out[9] + (1.0 - out[8]) * out[10])
-        if out[15] > limits[4] or slips > limits[1]:
-            return
-        steepest = max(steepest, out[0])
-        if p == 0:
-            state[2] = out[15]
-        torque, grip = max(torque, out[15]), max(grip, slips)
-        for side in range(2):
-            drop = max(drop, _drop(out[0], x, angle, parts, masses, grounds[p], limits[2] * (2.0 * side - 1.0)))
+    if not describe(th, x, angle, parts, masses, ground, torques, out):
+        return
+    torque, grip, drop = max(out[15], 0.0), abs(out[8] * out[9] + (1.0 - out[8]) * out[10]), 0.0
+    if torque > limits[4] or grip > limits[1]:
+        return
+    for side in range(2):
+        drop = max(drop, _drop(out[0], x, angle, parts, masses, ground, limits[2] * (2.0 * side - 1.0)))
     lacks = max(math.sqrt(2.0 * GRAVITY_M_S2 * drop) - prices[2], 0.0)
-    above = max(steepest - limits[3], 0.0)
+    above = max(out[0] - limits[3], 0.0)
     over = max(torque / limits[0] - 1.0, 0.0)
     state[0] = prices[1] * lacks * lacks + prices[3] * above * above + prices[4] * torque / torques[0] + prices[7] * over
     state[0] += prices[8] * max(grip - limits[5], 0.0)
-    state[1] = drop
+    state[1], state[2] = drop, out[15]
 
 
 @njit(cache=True)
@@ -213,7 +200,7 @@ def after(node: int, time_s: float, leads: Any, cost: Any, to_go: Any, pitch: An
         to = leads[node, move]
         moved = abs(places[to // (wide * BRANCHES)] - places[node // (wide * BRANCHES)])
         swung = abs(angles[to // BRANCHES % wide] - angles[node // BRANCHES % wide])
-        time_s -= max(moved / rates[0], swung / rates[1], abs(pitch[to, 0] - pitch[node, 0]) / rates[2])
+        time_s -= max(moved / rates[0], swung / rates[1], abs(pitch[to] - pitch[node]) / rates[2])
         node = to
     return node
 
@@ -233,7 +220,7 @@ def nearest(place: float, angle: float, th: float, pitch: Any, to_go: Any, place
         for j in range(max(near_j - 2, 0), min(near_j + 3, wide)):
             for node in range((i * wide + j) * BRANCHES, (i * wide + j + 1) * BRANCHES):
                 if to_go[node] < np.inf:
-                    off = abs(places[i] - place) / step + abs(angles[j] - angle) / turn + abs(pitch[node, 0] - th) / JUMP_RAD
+                    off = abs(places[i] - place) / step + abs(angles[j] - angle) / turn + abs(pitch[node] - th) / JUMP_RAD
                     if off < least:
                         best, least = node, off
     return best
