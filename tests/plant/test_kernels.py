@@ -35,11 +35,6 @@ ROCKING = math.tan(math.radians(2.0))
 """Ground within 2° of turning is support."""
 
 
-def test_a_chair_stands_on_what_it_touched_lately() -> None:
-    reaches = np.array([[0.1, 0.2, 0.3, 0.3], [0.2, 0.1, 0.3, 0.4]])
-    assert kernels.touching(reaches) == (0.2, 0.2, 0.3, 0.4)
-
-
 def test_a_chair_stands_on_nosings_that_it_meets_within_two_degrees_of_turning() -> None:
     # 0.2 m from the contact 2° are 7 mm. The second is further below the belts, the third beyond their end; roundings lift tops.
     edges = np.array([[0.4, 0.0, -0.0169, 0.01], [-0.4, 0.0, -0.0071, 0.0], [0.6, 0.0, 0.0, 0.0]])

@@ -19,7 +19,7 @@ from treadline.core.errors import MechanicsError
 from treadline.core.signals import TICK_S, FlipperCommand, FlipperReading, ImuSample, TrackReading
 from treadline.estimation.known_nosings import KnownNosings
 from treadline.vehicle.loading import Loading
-from treadline.vehicle.rest_poses import Ground, RestPose, nosings_of, rest_chair
+from treadline.vehicle.rest_poses import Ground, RestChair, RestPose, nosings_of, rest_chair
 from treadline.vehicle.traction import friction_needed
 from treadline.vehicle.way import FLIPPER_RAD_S, PITCH_RAD_S, SPEED_M_S, WayState, WayTable, steepest_rad
 
@@ -353,7 +353,8 @@ class Follower:
         first_s, second_s = _took(at, half), _took(half, then)
         stops = abs((half.pitch_rad - at.pitch_rad) / first_s - (then.pitch_rad - half.pitch_rad) / second_s)
         self._pace = min(self._pace + PACE_PER_S * dt_s, STOPS_RAD_S / max(stops, STOPS_RAD_S))
-        contact = min(self._contact(table, one) for one in (pose, self._pose(table, half), self._pose(table, then)))
+        later = (_rests(self._chair, table, state.x_m, state.angle_rad, state.pitch_rad) for state in (half, then))
+        contact = min(self._contact(table, one) for one in (pose, *later))
         pace = self._pace * contact / (first_s + second_s)
         speed = pace * (then.x_m - at.x_m) / max(math.cos(pitch), 0.8)
         rate = pace * (then.angle_rad - at.angle_rad) - (1.0 - contact) * PRESS_RAD_S
@@ -371,11 +372,9 @@ class Follower:
         measured, or is not, corrects the angle.
         """
         angle, step_m, step_rad = flipper.angle_rad + self._offset_rad, 0.01, 0.5 * DEG
-        try:
-            pose = self._chair.at(table.ground, x_m, (angle,), pitch)
-            ahead = self._chair.at(table.ground, x_m + step_m, (angle,), pitch)
-            raised = self._chair.at(table.ground, x_m, (angle + step_rad,), pitch)
-        except MechanicsError:
+        steps = ((0.0, 0.0), (step_m, 0.0), (0.0, step_rad))
+        pose, ahead, raised = (_rests(self._chair, table, x_m + along, angle + turn, pitch) for along, turn in steps)
+        if pose is None or ahead is None or raised is None:
             return None
         gain, off = 1.0 - math.exp(-dt_s / CORRECTS_S), pitch - pose.pitch_rad
         by_place, by_angle = (ahead.pitch_rad - pose.pitch_rad) / step_m, (raised.pitch_rad - pose.pitch_rad) / step_rad
@@ -399,9 +398,8 @@ class Follower:
     def _weigh(self, table: WayTable, pose: RestPose, flipper: FlipperReading, gain: float) -> None:
         """Correct where the load leans, by the torque of a tip that lifts the chair; elsewhere it asks for a new way."""
         leaning = rest_chair(self._loading.chair, self._loading.payload_kg, offset_m=(self._planned_m + 0.05, 0.0, 0.0))
-        try:
-            other = leaning.at(table.ground, pose.x_m, pose.angles_rad, pose.pitch_rad)
-        except MechanicsError:
+        other = _rests(leaning, table, pose.x_m, pose.angles_rad[0], pose.pitch_rad)
+        if other is None:
             return
         per_m = (other.torques_n_m[0] - pose.torques_n_m[0]) / 0.05
         lever_m = self._length_m * math.cos(flipper.angle_rad + pose.pitch_rad)
@@ -413,13 +411,6 @@ class Follower:
             self._planned_m = self._leans_m
             self._chair = rest_chair(self._loading.chair, self._loading.payload_kg, offset_m=(self._leans_m, 0.0, 0.0))
             self._table = None
-
-    def _pose(self, table: WayTable, state: WayState) -> RestPose | None:
-        """Return the rest pose of a state; None where the chair would turn over."""
-        try:
-            return self._chair.at(table.ground, state.x_m, (state.angle_rad,), state.pitch_rad)
-        except MechanicsError:
-            return None
 
     def _contact(self, table: WayTable, pose: RestPose | None) -> float:
         """Return how far the contact that bears in a pose is measured, 0 to 1: its tip carries a share of that load.
@@ -438,10 +429,8 @@ class Follower:
 
     def _without_tip(self, table: WayTable, x_m: float, pitch: float) -> float:
         """Return the pitch at which the chair would rest with its flipper raised [rad]; infinite where it would turn over."""
-        try:
-            return self._chair.at(table.ground, x_m, (self._range_rad[1],), pitch).pitch_rad
-        except MechanicsError:
-            return math.inf
+        pose = _rests(self._chair, table, x_m, self._range_rad[1], pitch)
+        return math.inf if pose is None else pose.pitch_rad
 
     # --- monitors
 
@@ -475,6 +464,14 @@ class Follower:
         self._waited_s += dt_s
         if self._waited_s > PATIENCE_S:
             self._barred = cause
+
+
+def _rests(chair: RestChair, table: WayTable, x_m: float, angle: float, pitch: float) -> RestPose | None:
+    """Return the rest pose of a chair on a table's ground; None where it would turn over."""
+    try:
+        return chair.at(table.ground, x_m, (angle,), pitch)
+    except MechanicsError:
+        return None
 
 
 def _took(at: WayState, to: WayState) -> float:

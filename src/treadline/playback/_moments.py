@@ -422,8 +422,8 @@ def support_at(chair: ChairDescription, staircase: Staircase, R_WB: Rotation, p_
     radius_m, half_m, side_m = tracks.pulley_radius_m, 0.5 * tracks.flat_run_m, 0.5 * (tracks.gauge_m + tracks.belt_width_m)
     tip_x = half_m + tracks.approach_m * math.cos(flipper_rad)
     axes = np.array([[-half_m, radius_m], [half_m, radius_m], [tip_x, radius_m + tracks.approach_m * math.sin(flipper_rad)]])
-    edges, radii_m = bearing_edges(staircase)[:, :3], bearing_edges(staircase)[:, 3]
-    edges = ((edges - p_WB) @ R_WB)[:, [0, 2]]
+    rounded = bearing_edges(staircase)
+    edges, radii_m = ((rounded[:, :3] - p_WB) @ R_WB)[:, [0, 2]], rounded[:, 3]
     gaps = np.full(len(edges), np.inf)
     for start, end in pairwise(axes):
         share = np.clip((edges - start) @ (end - start) / max(float(np.dot(end - start, end - start)), 1e-12), 0.0, 1.0)

@@ -124,12 +124,11 @@ def bearing_edges(staircase: Staircase) -> Float[np.ndarray, "N 4"]:
     Columns: place in W, radius of the rounding [m].
     """
     solids = stair_solids(staircase)
-    bars = [solid.nosing for solid in solids if solid.nosing is not None]
-    sills = [solid.box for solid in solids if solid.box.kind == "sill"]
+    bars, sills = [one.nosing for one in solids if one.nosing is not None], [one.box for one in solids if one.box.kind == "sill"]
     edges = [box.centre_W + box.R_WK @ (end * box.half_m[0], 0.0, box.half_m[2]) for box in sills for end in (-1.0, 1.0)]
     middles = [0.5 * (np.array(bar.left_W) + np.array(bar.right_W)) for bar in bars]
-    radii = [*(bar.radius_m for bar in bars), *(0.0 for _ in edges)]
-    return np.column_stack([np.array([*middles, *edges]).reshape(-1, 3), radii])
+    radii = [bar.radius_m for bar in bars] + [0.0] * len(edges)
+    return np.column_stack([np.array(middles + edges).reshape(-1, 3), radii])
 
 
 def _top(box: Box, centre_W: Vector3) -> tuple[float, ...]:

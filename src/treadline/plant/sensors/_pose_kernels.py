@@ -62,7 +62,8 @@ def truth(
         reaches[place] = reach
     half, radius, gauge = chair[HALF_RUN], chair[RADIUS], chair[HALF_GAUGE]
     out_x, out_z = math.cos(flipper_angle), math.sin(flipper_angle)
-    touches, tail, left, right = touching(reaches)
+    # Contacts of a rocking chair are intermittent: the recent ones count.
+    touches, tail, left, right = reaches[:, 0].max(), reaches[:, 1].max(), reaches[:, 2].max(), reaches[:, 3].max()
     front, rear = support(touches, tail, edges_W, p_WB, R_WB, half, rocking)
     tip_x, tip_z = half + chair[APPROACH] * out_x, radius + chair[APPROACH] * out_z
     for pulley_x, pulley_z in ((half, radius), (tip_x, tip_z)):
@@ -121,16 +122,6 @@ def on_stair(R_SW, p_WS, R_WB, p_WB, rate):
     # The heading is about the chair's z axis: the normal of the nosing plane on the flight, the vertical on floor and landing.
     heading = math.atan2(R_SB[1, 0], R_SB[1, 1])
     return heading, dot(R_SB[2], rate), dot(R_SW[0], place), dot(R_SW[1], place)
-
-
-@njit(cache=True)
-@no_type_check
-def touching(reaches):
-    """Return the largest reach of recent belt contacts, one row each: front, rear, left, right, each positive outward."""
-    front, rear, left, right = reaches[0]
-    for reach in reaches:
-        front, rear, left, right = max(front, reach[0]), max(rear, reach[1]), max(left, reach[2]), max(right, reach[3])
-    return front, rear, left, right
 
 
 @njit(cache=True)
