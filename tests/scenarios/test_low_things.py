@@ -33,10 +33,7 @@ def _without_shape_checks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
 
 
-ROCKS = pytest.mark.xfail(reason="it rocks by less than 2 degrees, which the simulator counts as rough")
-
-
-@pytest.mark.parametrize("name", [pytest.param(name, marks=ROCKS if name.startswith("a bar of 40 mm") else ()) for name in TRIPS])
+@pytest.mark.parametrize("name", TRIPS)
 def test_the_chair_drives_over_a_low_thing(name: str) -> None:
     """Test: statistical camera, traversal with the check. Expected result: arrival without a fall, slow over a known sill."""
     direction, stair, sills = TRIPS[name]

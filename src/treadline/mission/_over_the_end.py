@@ -3,6 +3,7 @@
 ``Situation -> Crossing``, ``-> observation that ends the state``, ``-> MotionPlan``.
 """
 
+import math
 from dataclasses import replace
 
 from treadline.control.flipper import LIES_RAD, OFF_RAD, SLOW_M_S
@@ -70,7 +71,7 @@ def _checked(now: Situation, crossing: Crossing) -> Crossing:
 def _terrain(now: Situation) -> Terrain | None:
     """Return the ground of a chair that follows a way; None without nosings, or where a missing step is in the way."""
     stair, around = now.stair, now.around
-    if around is None or (now.is_up and now.phase == "climb" and now.missing(KEEPS_M) is not None):
+    if around is None or (now.is_up and now.phase == "climb" and now.missing(math.inf) is not None):
         return None
     # Earlier frames would have shown a nosing beyond the one that the front pulley reaches.
     is_last = stair.top_ends or around.top.ahead_m - now.pivot_m < ENTER_FROM_M
