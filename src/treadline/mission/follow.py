@@ -429,8 +429,7 @@ class Follower:
 
     def _without_tip(self, table: WayTable, x_m: float, pitch: float) -> float:
         """Return the pitch at which the chair would rest with its flipper raised [rad]; infinite where it would turn over."""
-        pose = _rests(self._chair, table, x_m, self._range_rad[1], pitch)
-        return math.inf if pose is None else pose.pitch_rad
+        return math.inf if (pose := _rests(self._chair, table, x_m, self._range_rad[1], pitch)) is None else pose.pitch_rad
 
     # --- monitors
 
