@@ -119,7 +119,8 @@ def test_a_fault_of_the_box_and_the_persons_hand_hold_and_are_named(driven: Benc
         driven.robot.broken(fault)
     else:
         driven.robot.hold(**fault)
-    assert driven.stopped(fault_s) <= 0.3
+    # A person's stop asks for zero speed at once, and the brake, which the box latches, falls in 0.3 s later: 0.5 s by row 21.
+    assert driven.stopped(fault_s) <= (0.5 if said == "operator stop" else 0.3)
     assert said in driven.cause()
 
 
