@@ -1,4 +1,4 @@
-"""How a held chair stops: braked at once for urgent causes, idle for a person, along a half-cosine of 0.3 s for all others.
+"""How a held chair stops: braked at once for urgent causes, at zero speed for a person, along a half-cosine of 0.3 s else.
 
 A hard brake at 0.2 m/s pushes the passenger with about 4 m/s²; a half-cosine takes π v / 2T = 1.0 m/s² at most and v T / 2 = 30 mm
 of travel. The command leads the half-cosine by the drives' lag, so that the belts follow it: of a half-cosine alone they still run

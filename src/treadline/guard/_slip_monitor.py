@@ -21,9 +21,9 @@ class SlipMonitor:
     """Compares belt travel with the travel of the nosings; each nosing is matched with the nearest expected one.
 
     A chair whose belts differ travels as far as one of them or anything between: only what lies outside is slip. A chair that turns
-    on nosings skids. Slip is therefore judged only while the chair is square and does not turn, roll-back
-    always. When the nosings go out of view, the slip measurement starts again and the roll-back is kept: unobserved forward
-    travel does not reduce it, and unobserved sliding counts as far as the nosings can still be matched.
+    on nosings skids. Slip is therefore judged only while the chair is square and does not turn, roll-back always. When the nosings
+    go out of view, the slip measurement starts again and the roll-back is kept: unobserved forward travel does not reduce it, and
+    unobserved sliding counts as far as the nosings can still be matched.
 
     A decreasing slip distance belongs to a chair that catches up with its belts, for example after a turn. Each decrease below
     ``FALLING`` restarts the wait, at most four times between a standing chair with belts at 0.2 m/s and the smallest slip. The

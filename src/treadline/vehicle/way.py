@@ -86,8 +86,8 @@ class WayTable:
 
     Args:
         chair: Chair.
-        ground: Ground.
-        start: Pose at the start.
+        ground: Vertices of the ground that is likely.
+        start: Pose at the start, on that ground.
         end_m: Place of mid-track at the end.
         range_rad: Range of the flipper.
         end_rad: Flipper angle wanted at the end; None for any.

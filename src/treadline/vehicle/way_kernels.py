@@ -52,12 +52,12 @@ def explore(
         last: Number of states after which this portion ends.
         order: States in the order in which they were found.
         pitch: Pitch of each state [rad]; not a number where it has not been found.
-        state: Of each state: price of a second there; drop that an error would cause [m]; torque of the flipper's motor
-            [N m].
+        state: Of each state: price of a second there; drop that an error would cause [m]; torque of the flipper's motor [N m].
         leads: State to which each move leads from each state; -1 where it cannot be made.
         cost: Cost and drop [m] of each move.
         places: Grid of places in the order of the drive [m].
         angles: Grid of flipper angles [rad].
+        ground: Vertices of the ground.
         limits: Torque that is free [N m], most friction, error of the centre of mass along the chair [m], steepest line of the
             ground [rad], most torque [N m], friction that is known.
         rates: Speed of belts [m/s], flipper and pitch [rad/s].
