@@ -167,7 +167,11 @@ UP: dict[str, Case] = {
         "refused", "they slip on the last nosing", after("crest", slip=0.5), {"nosings": steps(4)}
     ),
     "turned back before the crest": Case("refused", "goes back down", after("crest", slip=0.3), {"nosings": steps(4)}),
-    "stuck over the crest": Case("crest", "the chair stands before the crest", stuck_over_the_crest, {"nosings": steps(4)}),
+    "nothing under the flipper as it begins to climb": Case("climb", "nothing carried the flipper", after("climb", slip=1.0)),
+    "flipper stuck on the landing": Case("land", "flipper stands at", after("land", flipper_moves=False), {"nosings": steps(4)}),
+    "stuck over the crest": Case(
+        "crest", "send the chair back down, or have the steps dried", stuck_over_the_crest, {"nosings": steps(4)}
+    ),
     "no end in view": Case("arrived", "on the landing", world={"nosings": steps(4), "shows_end": False}),
     "landing 30 mm lower than shown": Case("arrived", "on the landing", world={"nosings": steps(4), "shown": HIGH_TOP}),
     "further nosings at the crest": Case(
@@ -220,7 +224,7 @@ DOWN: dict[str, Case] = {
         "arrived", "on the floor", pressed("descend", flight_ends=True), {"shows_end": False, "nosings": steps(6)}
     ),
     "flipper stuck on the last nosings": Case(
-        "leave", "stands on the last nosings", after("leave", flipper_moves=False), {"nosings": steps(5)}
+        "leave", "flipper stands at", after("leave", flipper_moves=False), {"nosings": steps(5)}
     ),
 }
 CASES = {("up", name): case for name, case in UP.items()} | {("down", name): case for name, case in DOWN.items()}

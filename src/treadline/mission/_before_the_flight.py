@@ -134,12 +134,6 @@ def is_too_narrow(now: Situation) -> str | None:
     return f"the {wall} wall is {free_m:.2f} m from the chair's middle, which needs {needs_m:.2f} m: {remedy}"
 
 
-def has_an_idle_flipper(now: Situation) -> str | None:
-    """The flipper does not follow, or the chair not its way; each re-arm allows another try."""
-    command = now.crossing.command
-    return None if command is None else command.barred or None
-
-
 def has_an_open_side(now: Situation) -> str | None:
     """A side of the flight does not bear the chair, or was not seen to; a side that no map has measured is not checked."""
     sides: tuple[Side, Side] = ("left", "right")

@@ -127,9 +127,9 @@ def rides_again(now: Situation) -> str | None:
 
 
 def is_barred(now: Situation) -> str | None:
-    """The crossing cannot succeed."""
+    """The flipper does not follow, or the chair not its way; each re-arm allows another try."""
     barred = _barred(now)
-    return f"{barred}: the chair stands before the crest; {way_out(now)}" if barred else None
+    return f"{barred}; {way_out(now)}" if barred and now.is_up and now.is_on_a_flight else barred or None
 
 
 def turns_back(now: Situation) -> str | None:
@@ -201,11 +201,6 @@ def leave(now: Situation, motions: Motions) -> MotionPlan:
         return driving(now, -SLOW_M_S, motions.level.keep(now.estimate))
     turn = motions.level.keep(now.estimate, spare_rad=CREST_SPARE_RAD) if _drives(command) else 0.0
     return driving(now, command.speed_m_s, turn, command.flipper)
-
-
-def cannot_leave(now: Situation) -> str | None:
-    """The chair does not come off the last nosings; each re-arm allows another try."""
-    return f"{_barred(now)}: the chair stands on the last nosings" if _barred(now) else None
 
 
 def is_on_a_landing_between(now: Situation) -> str | None:
