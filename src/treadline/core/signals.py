@@ -405,32 +405,32 @@ class Event:
 
 
 T = TypeVar("T")
-RECENT_DEPTH = 50
-"""Remembered values by default: 0.5 s at 100 Hz, the longest mean camera latency that a scenario accepts."""
+MEMORY_S = 3.0
+"""Greatest age of a message that is used, and length of what is remembered to place it [s]: one for both, because a message that is
+placed with a younger state moves what it shows. It is the guard's longest timeout (row 1 of the table of hazards)."""
 
 
 class Recent(Generic[T]):
-    """Last values of a signal by time: the chair's state when a late frame was exposed.
+    """Values of a signal in the last ``MEMORY_S`` by time: the chair's state when a late frame was exposed."""
 
-    Args:
-        depth: Number of values kept.
-    """
-
-    def __init__(self, depth: int = RECENT_DEPTH) -> None:
-        self._values: deque[tuple[float, T]] = deque(maxlen=depth)
+    def __init__(self) -> None:
+        self._values: deque[tuple[float, T]] = deque()
 
     def add(self, t_s: float, value: T) -> None:
-        """Append the value at ``t_s``."""
+        """Append the value at ``t_s``, and forget what no message can ask for any more."""
         self._values.append((t_s, value))
+        while t_s - self._values[0][0] > MEMORY_S + ROUNDING_S:
+            self._values.popleft()
 
     def at(self, t_s: float) -> T | None:
         """Return the value whose stamp is nearest to ``t_s``, the newest of several; None before the first value."""
         nearest, least_s = None, math.inf
         for stamp_s, value in reversed(self._values):
-            if stamp_s == t_s:
-                return value  # a frame is exposed at a tick, where the other sensors are read
-            if abs(stamp_s - t_s) < least_s:
-                nearest, least_s = value, abs(stamp_s - t_s)
+            off_s = abs(stamp_s - t_s)
+            if off_s > least_s:
+                break  # older ones are further off
+            if off_s < least_s:
+                nearest, least_s = value, off_s
         return nearest
 
     def copy(self) -> "Recent[T]":

@@ -11,7 +11,6 @@ the length of the previous track. A continuous vision track during a gyro jump i
 long as the track it contradicts.
 """
 
-from collections import deque
 from dataclasses import dataclass
 from typing import get_args
 
@@ -140,26 +139,6 @@ class IndependentShare:
     def restart(self) -> None:
         """Compare the next heading with none before, whose reference differs."""
         self._last = None
-
-
-class TurnHistory:
-    """Recent history of the integrated gyro turn, for late frames."""
-
-    def __init__(self, seconds: float) -> None:
-        self._seconds = seconds
-        self._turned: deque[tuple[float, float]] = deque()
-
-    def remember(self, t_s: float, turned_rad: float) -> None:
-        """Add one sample."""
-        self._turned.append((t_s, turned_rad))
-        while t_s - self._turned[0][0] > self._seconds:
-            self._turned.popleft()
-
-    def at(self, t_s: float) -> tuple[float, float] | None:
-        """Return the last sample at or before a time, or the oldest sample; None if the history is empty."""
-        if not self._turned:
-            return None
-        return max((sample for sample in self._turned if sample[0] <= t_s + 1e-9), default=self._turned[0])
 
 
 _NUMBERS = ("explained", "information", "sum", "weight", "count", "gyro_angle", "odometry_angle")

@@ -13,7 +13,16 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from treadline.core.angles import DEG, wrap
-from treadline.core.signals import HeadingEstimate, HeadingFault, HeadingHealth, HeadingMeasurement, ImuSample, TrackReading
+from treadline.core.signals import (
+    MEMORY_S,
+    HeadingEstimate,
+    HeadingFault,
+    HeadingHealth,
+    HeadingMeasurement,
+    ImuSample,
+    Recent,
+    TrackReading,
+)
 from treadline.estimation._fault_detection import (
     ActiveFaults,
     Drift,
@@ -24,7 +33,6 @@ from treadline.estimation._fault_detection import (
     RejectedTrack,
     StuckGyroDetector,
     StuckRule,
-    TurnHistory,
 )
 from treadline.estimation._multiple_model import GyroModel, MultipleModelKalmanFilter
 
@@ -67,7 +75,7 @@ class FilterConfig:
     systematic_sigma_rad: float = 0.1 * DEG
     """Standard deviation of the constant error of a drive [rad] (mount, depth distortion), not reduced by averaging."""
     memory_s: float = 1.0
-    """Largest age of a late frame, and longest prediction without a gyro [s]."""
+    """Longest prediction without a gyro [s]."""
     gap_s: float = 0.05
     """Gap between gyro samples beyond which the motion counts as unobserved [s]."""
     unobserved_rate_sigma_rad_s: float = 10.0 * DEG
@@ -92,7 +100,7 @@ class HeadingFilter:
         self._rejected = RejectedTrack(self._config.reacquisition)
         self._belts: TrackReading | None = None
         self._scatter = IndependentShare()
-        self._memory = TurnHistory(self._config.memory_s)
+        self._memory: Recent[float] = Recent()
         self._now_s = -math.inf
         """Stamp of the newest signal, also of one that is not used."""
         self._t_s: float | None = None
@@ -170,7 +178,7 @@ class HeadingFilter:
         self._t_s = self._imu_s = t_s
         self._rate = rate
         self._turned += dt * mean
-        self._memory.remember(t_s, self._turned)
+        self._memory.add(t_s, self._turned)
         if self._seen_s is None:
             return
         self._drifts.propagate(self._filters.propagate(dt, mean), dt, mean - self._filters.moments.bias)
@@ -335,8 +343,8 @@ class HeadingFilter:
         self._clear_disagreement()
 
     def _since(self, t_s: float) -> tuple[float, float]:
-        """Return the age of a frame, limited by the stored gyro history, and the turn by the gyro since it was taken."""
+        """Return the age of a frame, limited by the history of the gyro, and the turn by the gyro since it was taken."""
         then = self._memory.at(t_s)
         if self._t_s is None or t_s >= self._t_s or then is None:
             return 0.0, 0.0
-        return self._t_s - max(t_s, then[0]), self._turned - then[1]
+        return min(self._t_s - t_s, MEMORY_S), self._turned - then

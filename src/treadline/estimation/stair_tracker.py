@@ -15,7 +15,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from treadline.core.signals import RECENT_DEPTH, ImuSample, Recent, StairMap, TrackReading
+from treadline.core.signals import ImuSample, Recent, StairMap, TrackReading
 from treadline.core.step_sizes import ON_A_FLIGHT_RAD
 from treadline.estimation._nosing_filter import CORRELATED_M, FlightShape, NosingFilter
 from treadline.estimation.known_nosings import KnownNosing, KnownNosings
@@ -122,7 +122,7 @@ class StairTracker:
         self._filter, self._shape = NosingFilter(), FlightShape()
         self._odometry_x_m = self._odometry_y_m = self._odometry_z_m = 0.0
         """Position by belts, pitch and heading alone [m], y to the left; maps do not correct it, so that differences are travel."""
-        self._poses: Recent[_Pose] = Recent(2 * RECENT_DEPTH)  # one entry per IMU sample and one per belt reading
+        self._poses: Recent[_Pose] = Recent()
         self._highest_m = -math.inf
         self._slip_m_s = 0.0
         self._sides: dict[Side, _Side] = {"left": _Side(), "right": _Side()}
@@ -158,7 +158,7 @@ class StairTracker:
 
     def forget_poses(self) -> None:
         """Forget the chair's recent poses, which held no heading: frames exposed then are placed by the next pose."""
-        self._poses = Recent(2 * RECENT_DEPTH)
+        self._poses = Recent()
         if self._next is not None:
             self._next.forget_poses()
 

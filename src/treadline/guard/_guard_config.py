@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from treadline.core.angles import DEG
+from treadline.core.signals import MEMORY_S
 
 SILENCE_S = 0.3
 """Longest silence of what must speak, and longest standstill of a loop [s]: more than a control period of 0.25 s, and within the
@@ -72,9 +73,9 @@ class GuardConfig:
     limit after which it is a fault: five samples at 100 Hz (row 6), longer than a shock, shorter than a fall."""
     vision_only_s: float = 1.0
     """Time without the IMU after which the guard holds [s] (row 6)."""
-    blind_timeout_s: float = 3.0
+    blind_timeout_s: float = MEMORY_S
     """Time without a frame after which the guard holds [s] (row 1): the longest of the timeouts. A message older than this is
-    rejected, and an image that repeats within this time is frozen."""
+    rejected, a younger one is placed where the chair was then, and an image that repeats within this time is frozen."""
     blind_travel_m: float = 0.5
     """Belt travel without a frame after which the guard holds [m] (row 1)."""
     lost_timeout_s: float = 12.0
