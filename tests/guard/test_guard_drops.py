@@ -85,11 +85,12 @@ def test_the_chair_stops_with_the_distance_of_an_obstacle_before_the_end(ground:
     assert chair.cause(-0.1 * way) is None  # back over what was driven
 
 
-def test_one_frame_alone_shows_no_end_and_ground_seen_beyond_it_takes_it_back() -> None:
+def test_one_frame_alone_shows_no_end_and_frames_of_ground_beyond_it_take_it_back() -> None:
     near = FRONT | {"seen_m": 0.88, "end_m": 0.88, "end_sigma_m": 0.0}
     assert Chair().look(frames=1, **FRONT).look(frames=1, **near).cause(0.2) is None
     assert Chair().look(**FRONT).look(**near).cause(0.2) is not None
-    assert Chair().look(**near).look(frames=1, **FRONT).cause(0.2) is None
+    assert Chair().look(**near).look(frames=1, **FRONT).cause(0.2) is not None  # a detector misses an edge now and then
+    assert Chair().look(**near).look(frames=6, **FRONT).cause(0.2) is None
     chair = Chair().look(**near | {"seen_m": 1.5, "end_m": 1.5}).look(frames=1, **near)
     assert 1.5 - PULLEY_M - chair.goes(0.1) == pytest.approx(0.38, abs=0.002)  # the end in view, not the one frame
 

@@ -15,8 +15,9 @@ from treadline.guard._belt_monitor import BeltMonitor
 from treadline.guard._frame_monitor import FrameMonitor
 from treadline.guard._gyro_only_turn import GyroOnlyTurn, heading_fault
 from treadline.guard._half_cosine_stop import Stop
-from treadline.guard._obstacle_monitor import AheadMonitor, GapMonitor, ObstacleMonitor
+from treadline.guard._obstacle_monitor import AheadMonitor, gap_between
 from treadline.guard._sensor_timeouts import SensorTimeouts, SilenceMonitor
+from treadline.guard._sightings import Sightings
 from treadline.guard._slip_monitor import SlipMonitor
 from treadline.guard._speed_limits import limited, mean_limit
 from treadline.guard._stamps import Stamps
@@ -499,18 +500,35 @@ def test_nosings_that_are_not_where_any_was_begin_anew_and_one_stray_does_not_co
     assert watch._roll_back_m == pytest.approx(roll_back_m + 0.025)
 
 
-def test_something_in_the_way_counts_from_its_second_map() -> None:
-    """Test: seen once, twice, not, again. Expected result: a distance after two in a row, less what the belts ran."""
-    watch = ObstacleMonitor()
-    assert watch.distance_m(0.0) == math.inf
-    watch.look(2.0, 1.0)
-    assert watch.distance_m(1.0) == math.inf
-    watch.look(1.5, 1.5)
-    assert watch.distance_m(2.0) == 1.0
-    watch.look(None, 2.0)
-    assert watch.distance_m(2.0) == math.inf
-    watch.look(1.0, 2.0)
-    assert watch.distance_m(2.0) == math.inf
+def test_a_place_counts_by_the_share_of_the_frames_that_show_it() -> None:
+    """Test: places in one of two, three and four frames, one that moves, two at once. Expected result: there with a gain of three
+    from a share of a third; what is out of view is kept, and what a nearer place hides; forgotten once it is passed."""
+    for every, is_there in ((1, True), (2, True), (3, True), (40, False)):
+        watch = Sightings(3, 4, 12)
+        for k in range(121):
+            watch.look([2.0] if k % every == 0 else [], 0.0, 3.0)
+        assert (watch.nearest_m() is not None) == is_there, every
+    watch = Sightings(3, 4, 12)
+    for k in range(9):
+        watch.look([2.0 - 0.125 * k], 0.0, 3.0)
+    assert watch.nearest_m() == 1.0
+    for _ in range(20):
+        watch.look([], 1.25, 3.0)  # too near to be in view
+    assert watch.nearest_m() == 1.0
+    watch.look([0.5], 0.0, 0.5)
+    watch.look([0.5], 0.0, 0.5)
+    assert watch.nearest_m() == 0.5
+    watch.forget(0.75)
+    assert watch.nearest_m() == 1.0
+    for _ in range(12):
+        watch.look([], 0.0, 3.0)
+    assert watch.nearest_m() is None
+    assert watch.is_empty
+
+
+LENGTHS = limits(
+    front_m=1.0, rear_m=0.5, obstacle_clear_m=0.25, gap_clear_m=0.125, stopping_s=0.5, track_span_m=1.0
+)  # fmt: skip
 
 
 def on_a_line(*places: float) -> list[tuple[float, float]]:
@@ -520,52 +538,37 @@ def on_a_line(*places: float) -> list[tuple[float, float]]:
 def test_a_gap_lies_behind_the_last_good_nosing() -> None:
     """Test: spacings just within and beyond the span, two nosings, three, the gap before or behind the short step, on a slope.
     Expected result: the nosing before the wider spacing, and the span."""
-    watch = GapMonitor(1.0)
-    assert watch._gap([]) is None
-    assert watch._gap(on_a_line(1.0)) is None
-    assert watch._gap(on_a_line(1.0, 2.0)) is None
-    assert watch._gap(on_a_line(1.0, 2.125)) == (1.0, 1.125)
-    assert watch._gap(on_a_line(1.0, 1.5, 2.0)) is None
-    assert watch._gap(on_a_line(1.0, 1.5, 2.125)) == (1.5, 1.125)
-    assert watch._gap(on_a_line(1.0, 1.75, 2.125)) == (1.0, 1.125)
-    assert watch._gap(on_a_line(1.0, 1.75, 2.5)) == (1.0, 1.5)
-    assert watch._gap(on_a_line(0.5, 1.0, 1.5, 2.25)) == (1.5, 1.25)
-    assert watch._gap([(1.0, 0.0), (1.75, 1.0)]) == (1.0, 1.25)
+    assert gap_between([], 1.0) is None
+    assert gap_between(on_a_line(1.0), 1.0) is None
+    assert gap_between(on_a_line(1.0, 2.0), 1.0) is None
+    assert gap_between(on_a_line(1.0, 2.125), 1.0) == (1.0, 1.125)
+    assert gap_between(on_a_line(1.0, 1.5, 2.0), 1.0) is None
+    assert gap_between(on_a_line(1.0, 1.5, 2.125), 1.0) == (1.5, 1.125)
+    assert gap_between(on_a_line(1.0, 1.75, 2.125), 1.0) == (1.0, 1.125)
+    assert gap_between(on_a_line(1.0, 1.75, 2.5), 1.0) == (1.0, 1.5)
+    assert gap_between(on_a_line(0.5, 1.0, 1.5, 2.25), 1.0) == (1.5, 1.25)
+    assert gap_between([(1.0, 0.0), (1.75, 1.0)], 1.0) == (1.0, 1.25)
 
 
 def test_a_gap_counts_from_its_fifth_map_and_fades() -> None:
     """Test: maps with a gap and without, with one elsewhere, and with nothing there. Expected result: known after five more
     for than against; what is out of view is kept."""
     gap, whole = on_a_line(1.0, 1.5, 2.25), on_a_line(1.0, 1.5, 2.0)
-    watch = GapMonitor(1.0)
-    for _ in range(4):
-        watch.look(gap, 0.0)
-        assert watch.distance_m(0.0) == math.inf
-    watch.look(gap, 0.0)
-    assert watch.distance_m(0.25) == 1.25
-    assert watch.width_m == 1.25
-    watch.look(on_a_line(), 0.0)
-    watch.look(on_a_line(1.6875, 2.0, 2.25), 0.0)
-    watch.look(on_a_line(0.5, 1.0, 1.5), 0.0)
-    assert watch.distance_m(0.0) == 1.5
-    watch.look(whole, 0.0)
-    assert watch.distance_m(0.0) == math.inf
-    for _ in range(15):
-        watch.look(gap, 0.0)
-    for _ in range(5):
-        watch.look(whole, 0.0)
-    assert watch.distance_m(0.0) == 1.5  # counted up to ten
-    watch.look(on_a_line(1.625, 2.0, 2.5), 0.0)  # nosings that go on from where the gap should begin, give or take
-    assert watch.distance_m(0.0) == math.inf
-    for _ in range(9):
-        watch.look(whole, 0.0)
-    for _ in range(5):
-        watch.look(gap, 0.0)
-    assert watch.distance_m(0.0) == 1.5  # counted down to none
-    watch.look(on_a_line(0.0, 0.5, 1.25), 0.0)
-    assert watch.distance_m(0.0) == math.inf
-    watch.look(on_a_line(1.0, 1.625, 2.375), 0.0)
-    assert watch.distance_m(0.0) == 1.625
+    watch = AheadMonitor(LENGTHS)
+
+    def looks(places: list[tuple[float, float]], maps: int = 1) -> bool:
+        for _ in range(maps):
+            watch.look(stair(0.0, []), places, 0.0)
+        return watch.speed_restriction(0.0) is not None
+
+    assert not looks(gap, 4)
+    assert looks(gap)
+    assert looks(on_a_line())
+    assert looks(on_a_line(1.6875, 2.0, 2.25))
+    assert not looks(whole)
+    assert looks(gap, 15)
+    assert looks(whole, 5)  # counted up to ten
+    assert not looks(on_a_line(1.625, 2.0, 2.5))  # nosings that go on from where the gap should begin, give or take
 
 
 def ahead(config: GuardConfig, **changes: Any) -> AheadMonitor:
@@ -577,16 +580,11 @@ def ahead(config: GuardConfig, **changes: Any) -> AheadMonitor:
     return watch
 
 
-LENGTHS = limits(
-    front_m=1.0, rear_m=0.5, obstacle_clear_m=0.25, gap_clear_m=0.125, stopping_s=0.5, track_span_m=1.0
-)  # fmt: skip
-
-
 @pytest.mark.parametrize(("direction", "sign", "lead_m"), [("up", 1.0, 1.0), ("down", -1.0, 0.5)])
 def test_it_stops_before_things_by_clearance_and_stopping_way(direction: str, sign: float, lead_m: float) -> None:
     """Test: an obstacle 4 m from mid-track, belts at ±0.25 m/s. Expected result: held from clearance + 0.125 m on, and only towards
     it."""
-    watch = ahead(LENGTHS, direction=direction, obstacle_m=4.0)
+    watch = ahead(replace(LENGTHS, view="front" if direction == "up" else "rear"), direction=direction, obstacle_m=4.0)
     limit_m = sign * (4.0 - lead_m - 0.25 - 0.125)
     assert watch.cause(limit_m, sign * 0.25) is None
     assert watch.cause(limit_m + sign * 0.0625, sign * 0.25) == "obstacle 0.31 m ahead"
@@ -595,31 +593,24 @@ def test_it_stops_before_things_by_clearance_and_stopping_way(direction: str, si
     assert watch.speed_restriction(limit_m) is None
 
 
-@pytest.mark.parametrize("phase", ["climb", "crest", "land", "descend", "edge", "leave"])
-def test_beyond_the_stair_it_stops_before_what_stands_on_the_level(phase: Any) -> None:
-    """Test: frames show something 2 m away on the level, a stair in view or not; then 0.5 m on none; then one clear frame from
-    further off. Expected result: held before it where no stair is to be in view; what is too near to be seen is still there; what
-    is gone is gone."""
+def test_it_stops_before_what_frames_show_on_the_level() -> None:
+    """Test: frames show something on the level, then none from nearby and from further off. Expected result: held before it; what
+    is too near to be seen is still there; what is gone is gone within a second."""
     watch = AheadMonitor(LENGTHS)
 
-    def shown(obstacle_m: float | None, travel_m: float, **changes: Any) -> AheadMonitor:
-        watch.look_on(obstacle_m, replace(plan(phase), **{"needs_stair": False} | changes), travel_m)
+    def shown(obstacle_m: float | None, travel_m: float) -> AheadMonitor:
+        watch.look_on(obstacle_m, travel_m)
         return watch
 
     assert shown(1.2, 0.0).cause(0.0, 0.25) is None  # seen once
     assert shown(1.2, 0.0).cause(0.0, 0.25) == "obstacle 0.20 m ahead"
     assert shown(None, 0.0).cause(0.0, 0.25) == "obstacle 0.20 m ahead"  # below 1.2 m it need not be seen
+    watch = AheadMonitor(LENGTHS)
     shown(2.0, 0.0)
     assert shown(2.0, 0.0).cause(0.7, 0.25) == "obstacle 0.30 m ahead"
     assert shown(None, 0.9).cause(0.9, 0.25) == "obstacle 0.10 m ahead"
-    assert shown(None, 0.7).cause(0.9, 0.25) is None
-    shown(2.0, 0.0)
-    assert shown(2.0, 0.0).cause(0.9, 0.25) is not None
-    assert shown(2.0, 0.0, needs_stair=True).cause(0.9, 0.25) is None
-    shown(2.0, 0.0)
-    assert shown(2.0, 0.0, phase="mount").cause(0.9, 0.25) is None
-    watch.look_on(2.0, None, 0.0)
-    watch.look_on(2.0, None, 0.0)
+    for _ in range(9):
+        shown(None, 0.7)
     assert watch.cause(0.9, 0.25) is None
 
 
@@ -629,7 +620,7 @@ def test_a_step_before_the_flights_last_nosing_is_no_obstacle_on_the_landing(las
     held before the former alone; a tread of open risers held a chair on its flight."""
     watch = ahead(LENGTHS, places=on_a_line(0.8, last_m))
     for _ in range(2):
-        watch.look_on(1.2, replace(plan("climb"), needs_stair=False), 0.0)
+        watch.look_on(1.2, 0.0)
     assert (watch.cause(0.0, 0.25) is not None) == stops
 
 

@@ -10,11 +10,14 @@ import math
 from treadline.core.angles import DEG
 from treadline.core.signals import FreeGround, MotionPlan, Phase, StairMap
 from treadline.guard._guard_config import FLIGHT, SAME_M, GuardConfig
-from treadline.guard._obstacle_monitor import NEAR_M, OBSTACLE_MAPS
+from treadline.guard._obstacle_monitor import NEAR_M, OBSTACLE_COUNT
+from treadline.guard._sightings import Sightings
 
 FLAT_RAD = 5.0 * DEG
 """Largest pitch of a chair on a floor, a landing or a ramp [rad]: ramps for wheelchairs rise by 1:12, 4.8°, and no flight is
 flatter than 5° (``scenario.stair``)."""
+EDGE_MAPS = 2
+"""Number of maps that must show a falling flight's nosing at the end of the ground for the chair to enter it."""
 ENTERS: tuple[Phase, ...] = ("approach", "edge")
 """Phases that lead over an edge."""
 
@@ -39,8 +42,9 @@ class _Ground:
         self._forget_end()
 
     def _forget_end(self) -> None:
+        self._ends = Sightings(*OBSTACLE_COUNT)
         self.end_m = self._shown_m = self._nosing_m = math.inf
-        """Nearest possible places of the end in two consecutive frames that agree and in the latest, and of the nosing there."""
+        """Nearest possible places of the end by the count of frames and in the latest that showed one, and of the nosing there."""
         self.is_drop = False
         """Whether a frame or the maps have shown a drop at the end, not only that ground goes out of sight there."""
         self._is_hidden = True
@@ -59,14 +63,17 @@ class _Ground:
         bridges = place_m + ground.blind_m - self.known_m <= reach_m and ground.seen_m > ground.blind_m
         self._seen_m, self._seen_rad = place_m + min(ground.seen_m, NEAR_M) if bridges else -math.inf, self._heading_rad
         self.known_m = max(self.known_m, self._seen_m)
+        shown_m: list[float] = []
         if ground.end_m is not None or ground.blind_m < ground.seen_m < NEAR_M:
-            shown_m = place_m + (ground.seen_m if ground.end_m is None else ground.end_m - (ground.end_sigma_m or 0.0))
-            is_same = abs(shown_m - self._shown_m) < SAME_M
-            self.is_drop = ground.end_m is not None or (is_same and self.is_drop)
-            if is_same:
-                self.end_m = shown_m
-            self._shown_m, self._is_hidden = shown_m, False
-        elif place_m + ground.blind_m < self._shown_m < place_m + ground.seen_m - SAME_M:
+            shown_m = [place_m + (ground.seen_m if ground.end_m is None else ground.end_m - (ground.end_sigma_m or 0.0))]
+            self.is_drop = ground.end_m is not None or (abs(shown_m[0] - self._shown_m) < SAME_M and self.is_drop)
+            self._shown_m, self._is_hidden = shown_m[0], False
+        if self.is_crossed(reach_m):
+            self._ends.forget(self.end_m + SAME_M)
+        self._ends.look(shown_m, self.blind_m, place_m + ground.seen_m - SAME_M)
+        if (end_m := self._ends.nearest_m()) is not None:
+            self.end_m = end_m
+        elif self._ends.is_empty and not self._is_hidden:
             self._forget_end()
 
     def look_on_stair(self, nosing_m: float, reach_m: float, *, is_level: bool) -> None:
@@ -140,7 +147,7 @@ class _Ground:
     @property
     def is_confirmed(self) -> bool:
         """Whether the guard's own maps show a falling flight's nosing at the end of the ground."""
-        return self._nosing_count >= OBSTACLE_MAPS and abs(self._nosing_m - self.end_m) < SAME_M
+        return self._nosing_count >= EDGE_MAPS and abs(self._nosing_m - self.end_m) < SAME_M
 
 
 class DropMonitor:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from treadline.core.angles import DEG
-from treadline.core.signals import MEMORY_S
+from treadline.core.signals import MEMORY_S, View
 
 SILENCE_S = 0.3
 """Longest silence of what must speak, and longest standstill of a loop [s]: more than a control period of 0.25 s, and within the
@@ -152,6 +152,12 @@ class GuardConfig:
     awaits_ground: bool = False
     """Whether the camera reports where the ground ends (``FreeGround``): the chair then drives only over known ground, and stops
     before a drop."""
+    awaits_map: bool = False
+    """Whether the detector sends a stair map with each heading; headings without one then hold the chair."""
+    awaits_health: bool = False
+    """Whether the estimator sends its health; it is then awaited from the first measured heading on."""
+    view: View = "front"
+    """Viewing direction of the camera: what frames and maps show is ahead of the chair in this direction."""
     needs_heading: bool = True
     """Whether sensor timeouts, attitude and heading are monitored; False for open-loop runs."""
     has_planner: bool = True

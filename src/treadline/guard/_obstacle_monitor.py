@@ -4,12 +4,14 @@ import itertools
 import math
 from collections.abc import Sequence
 
-from treadline.core.signals import MotionPlan, StairMap
-from treadline.guard._guard_config import FLIGHT, OVER, SAME_M, GuardConfig
+from treadline.core.signals import StairMap
+from treadline.guard._guard_config import SAME_M, GuardConfig
+from treadline.guard._sightings import Sightings
 
-OBSTACLE_MAPS, GAP_MAPS = 2, 5
-"""Number of consecutive maps that must show an obstacle, and net number of maps that must show a gap: a nosing that a detector
-misses is missed in three or four maps."""
+OBSTACLE_COUNT, GAP_COUNT = (3, 4, 12), (1, 5, 10)
+"""Gain, least and largest count (``Sightings``) of an obstacle and of a gap. An obstacle in every third frame is there, one in a
+single frame of forty is not, and what was there is remembered for a second; a nosing that a detector misses is missed in three or
+four maps."""
 NEAR_M = 1.9
 """Largest distance from mid-track of a gap, and of ground that counts as seen [m]; equal to the planner's limit for gaps in
 ``estimation.stair_tracker``, on which the guard does not depend."""
@@ -17,74 +19,20 @@ OUT_OF_VIEW_M = 1.2
 """Distance from mid-track below which the camera sees only the upper part of an obstacle, if any [m]."""
 
 
-class ObstacleMonitor:
-    """Position of an obstacle, kept by belt travel between maps."""
-
-    def __init__(self) -> None:
-        self._count = 0
-        self._place_m = 0.0
-
-    def look(self, obstacle_m: float | None, travel_m: float) -> None:
-        """Update with the obstacle of one map: its distance from mid-track in the direction of the camera [m], or None."""
-        self._count = 0 if obstacle_m is None else self._count + 1
-        self._place_m = travel_m + (obstacle_m or 0.0)
-
-    def distance_m(self, travel_m: float) -> float:
-        """Return the distance from mid-track [m]; infinite if nothing is known."""
-        return self._place_m - travel_m if self._count >= OBSTACLE_MAPS else math.inf
-
-
-class FlatGroundMonitor(ObstacleMonitor):
-    """Position of an obstacle on flat ground beyond the stair; it is kept when it is too near to be in view."""
-
-    def look(self, obstacle_m: float | None, travel_m: float) -> None:
-        """Update with the obstacle of one frame: its distance from mid-track [m], or None."""
-        if obstacle_m is not None or self._place_m - travel_m > OUT_OF_VIEW_M:
-            super().look(obstacle_m, travel_m)
-
-
-class GapMonitor:
-    """Position of the nosing before a gap on which the track would rest alone, kept by belt travel between maps.
+def gap_between(nosings: Sequence[Sequence[float]], span_m: float) -> tuple[float, float] | None:
+    """Return the distance of the first gap on which the track would rest alone, and its width [m]; None without one.
 
     Args:
-        span_m: Flat run of the belts [m].
+        nosings: Nosings, the nearest first: distance from mid-track and height [m].
+        span_m: Flat run of the belts: three neighbouring nosings must be closer together.
     """
-
-    def __init__(self, span_m: float) -> None:
-        self._span_m = span_m
-        self._count = 0
-        self._place_m = 0.0
-        self.width_m = 0.0
-        """Distance between the nosings at the gap [m]."""
-
-    def look(self, nosings: Sequence[Sequence[float]], travel_m: float) -> None:
-        """Update with the nosings of one map, the nearest first: distance from mid-track and height [m]."""
-        gap = self._gap(nosings)
-        if gap is None or gap[0] > NEAR_M:
-            # A gap that is out of view is kept; a gap counts as in view while the nosing before it is, within ``SAME_M``.
-            in_view = bool(nosings) and nosings[0][0] - SAME_M < self._place_m - travel_m < nosings[-1][0] - SAME_M
-            self._count = max(self._count - in_view, 0)
-            return
-        place_m = travel_m + gap[0]
-        if self._count and abs(place_m - self._place_m) > SAME_M:
-            self._count -= 1
-            return
-        self._count = min(self._count + 1, 2 * GAP_MAPS)
-        self._place_m, self.width_m = place_m, gap[1]
-
-    def distance_m(self, travel_m: float) -> float:
-        """Return the distance from mid-track [m]; infinite if nothing is known."""
-        return self._place_m - travel_m if self._count >= GAP_MAPS else math.inf
-
-    def _gap(self, nosings: Sequence[Sequence[float]]) -> tuple[float, float] | None:
-        """Return the distance of the first gap, and the span of the three, or two, nosings that form it [m]; None without a gap."""
-        apart = [math.dist(near, far) for near, far in itertools.pairwise(nosings)]
-        for k, width in enumerate(apart):
-            if width > self._span_m:
-                return nosings[k][0], width
-            if k and apart[k - 1] + width > self._span_m:
-                return nosings[k - (apart[k - 1] >= width)][0], apart[k - 1] + width
-        return None
+    apart = [math.dist(near, far) for near, far in itertools.pairwise(nosings)]
+    for k, width in enumerate(apart):
+        if width > span_m:
+            return nosings[k][0], width
+        if k and apart[k - 1] + width > span_m:
+            return nosings[k - (apart[k - 1] >= width)][0], apart[k - 1] + width
+    return None
 
 
 class AheadMonitor:
@@ -92,12 +40,12 @@ class AheadMonitor:
 
     def __init__(self, config: GuardConfig) -> None:
         self._config = config
-        self._sign = 1.0
-        self._obstacle = ObstacleMonitor()
-        self._level = FlatGroundMonitor()
-        self._gap = GapMonitor(config.track_span_m)
-        self._flight_m = -math.inf
-        """Place of the farthest nosing of the latest map [m]; flat ground beyond the stair begins there."""
+        self._sign, self._lead_m = (1.0, config.front_m) if config.view == "front" else (-1.0, config.rear_m)
+        self._in_maps, self._in_frames, self._gaps = Sightings(*OBSTACLE_COUNT), Sightings(*OBSTACLE_COUNT), Sightings(*GAP_COUNT)
+        self._width_m = 0.0
+        """Distance between the nosings at the gap that was seen last [m]."""
+        self._steps_m = (math.inf, -math.inf)
+        """Places of the nearest and of the farthest nosing of the latest map [m]."""
 
     def look(self, stair: StairMap, places: Sequence[Sequence[float]], travel_m: float) -> None:
         """Update with one map.
@@ -107,20 +55,24 @@ class AheadMonitor:
             places: Its nosings: distance from mid-track in the direction of the camera, and height [m].
             travel_m: Belt travel in the direction of the camera.
         """
-        self._sign = 1.0 if stair.direction == "up" else -1.0
-        self._obstacle.look(stair.obstacle_m, travel_m)
-        self._gap.look(places, travel_m)
-        self._flight_m = travel_m + places[-1][0] if places else -math.inf
+        _show(self._in_maps, stair.obstacle_m, travel_m)
+        gap = gap_between(places, self._config.track_span_m)
+        is_near = gap is not None and gap[0] <= NEAR_M
+        # A gap that is out of view is kept; it is in view while the nosing before it is.
+        from_m, to_m = (travel_m + places[k][0] - SAME_M for k in (0, -1)) if places else (math.inf, -math.inf)
+        self._gaps.forget(travel_m + self._lead_m - self._config.track_span_m)
+        self._gaps.look([travel_m + gap[0]] if gap is not None and is_near else [], from_m, to_m)
+        if gap is not None and is_near:
+            self._width_m = gap[1]
+        self._steps_m = (travel_m + places[0][0], travel_m + places[-1][0]) if places else (math.inf, -math.inf)
 
-    def look_on(self, obstacle_m: float | None, plan: MotionPlan | None, travel_m: float) -> None:
-        """Update with the obstacle of one frame on flat ground; a step is none, at a stair's foot or before its last nosing."""
-        if plan is None or plan.needs_stair or plan.phase not in FLIGHT + OVER:
-            self._level = FlatGroundMonitor()
-            return
+    def look_on(self, obstacle_m: float | None, travel_m: float) -> None:
+        """Update with the obstacle that one frame shows on flat ground; a step of the latest map is none."""
         travel_m *= self._sign
-        on_flight = plan.phase in FLIGHT  # over its end the map may show the next one
-        is_step = on_flight and obstacle_m is not None and travel_m + obstacle_m < self._flight_m - SAME_M
-        self._level.look(None if is_step else obstacle_m, travel_m)
+        first_m, last_m = self._steps_m
+        to_m = max(last_m - SAME_M, first_m + SAME_M)  # what stands on the last nosing is none of the flight's
+        is_step = obstacle_m is not None and first_m - SAME_M < travel_m + obstacle_m < to_m
+        _show(self._in_frames, None if is_step else obstacle_m, travel_m)
 
     def cause(self, travel_m: float, speed_m_s: float) -> str | None:
         """Return the obstacle or gap from which the chair would not keep its distance at this speed; None if there is none.
@@ -133,24 +85,29 @@ class AheadMonitor:
         if speed <= 0.0:
             return None
         stopping_m = speed * limits.stopping_s
-        obstacle_m = min(watch.distance_m(self._sign * travel_m) for watch in (self._obstacle, self._level)) - self._lead_m
+        places_m = [place_m for seen in (self._in_maps, self._in_frames) if (place_m := seen.nearest_m()) is not None]
+        obstacle_m = min(places_m, default=math.inf) - self._sign * travel_m - self._lead_m
         if obstacle_m < limits.obstacle_clear_m + stopping_m:
             return f"obstacle {obstacle_m:.2f} m ahead"
         gap_m = self._gap_m(travel_m)
         if gap_m is not None and gap_m < limits.gap_clear_m + stopping_m:
-            return f"{self._gap.width_m:.2f} m from nosing to nosing {gap_m:.2f} m ahead, too long for the track"
+            return f"{self._width_m:.2f} m from nosing to nosing {gap_m:.2f} m ahead, too long for the track"
         return None
 
     def speed_restriction(self, travel_m: float) -> str | None:
         """Return the reason of a speed restriction, a gap ahead; None if there is none."""
         gap_m = self._gap_m(travel_m)
-        return None if gap_m is None else f"{self._gap.width_m:.2f} m from nosing to nosing {gap_m:.2f} m ahead"
-
-    @property
-    def _lead_m(self) -> float:
-        return self._config.front_m if self._sign > 0.0 else self._config.rear_m
+        return None if gap_m is None else f"{self._width_m:.2f} m from nosing to nosing {gap_m:.2f} m ahead"
 
     def _gap_m(self, travel_m: float) -> float | None:
         """Return the distance from the chair's leading end to a gap, unless the chair is over it."""
-        distance_m = self._gap.distance_m(self._sign * travel_m) - self._lead_m
+        place_m = self._gaps.nearest_m()
+        distance_m = math.inf if place_m is None else place_m - self._sign * travel_m - self._lead_m
         return distance_m if -self._config.track_span_m < distance_m < math.inf else None
+
+
+def _show(sightings: Sightings, obstacle_m: float | None, travel_m: float) -> None:
+    """Show the nearest obstacle of a frame or map, which may hide others; what is too near to be in view is kept."""
+    sightings.forget(travel_m)
+    to_m = math.inf if obstacle_m is None else travel_m + obstacle_m
+    sightings.look([] if obstacle_m is None else [to_m], travel_m + OUT_OF_VIEW_M, to_m)

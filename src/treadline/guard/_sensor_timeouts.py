@@ -56,6 +56,29 @@ class SilenceMonitor:
             self._heard_s[source] += max(passed_s - self._timeout_s, 0.0) + ROUNDING_S
 
 
+class MapMonitor:
+    """Time for which headings have come without a stair map.
+
+    Args:
+        timeout_s: Longest such time [s].
+    """
+
+    def __init__(self, timeout_s: float) -> None:
+        self._timeout_s = timeout_s
+        self._since_s: float | None = None
+        self.cause: str | None = None
+
+    def seen(self, t_s: float) -> None:
+        """Record a measured heading."""
+        self._since_s = t_s if self._since_s is None else self._since_s
+        if t_s - self._since_s > self._timeout_s:
+            self.cause = f"headings without a stair map for {t_s - self._since_s:.1f} s"
+
+    def forget(self) -> None:
+        """Record a map, or start again."""
+        self._since_s = self.cause = None
+
+
 def _last(fault: str) -> str:
     return f": the last {fault}" if fault else ""
 

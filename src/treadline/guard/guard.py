@@ -43,7 +43,7 @@ from treadline.guard._guard_config import ENDS, FLIGHT, STEADY, GuardConfig
 from treadline.guard._gyro_only_turn import GyroOnlyTurn, heading_fault
 from treadline.guard._half_cosine_stop import Stop
 from treadline.guard._obstacle_monitor import AheadMonitor
-from treadline.guard._sensor_timeouts import SensorTimeouts, SilenceMonitor
+from treadline.guard._sensor_timeouts import MapMonitor, SensorTimeouts, SilenceMonitor
 from treadline.guard._slip_monitor import SlipMonitor
 from treadline.guard._speed_limits import limited, mean_limit, stands
 from treadline.guard._stamps import Stamped
@@ -83,6 +83,7 @@ class Guard:
         self._plans = SilenceMonitor(config.silence_s, awaited=("plan",) if config.has_planner else ())
         self._processes = SilenceMonitor(config.heartbeat_timeout_s, "process ")
         self._estimates = SilenceMonitor(config.silence_s)
+        self._healths, self._maps = SilenceMonitor(config.silence_s), MapMonitor(config.blind_timeout_s)
         self._estimate: HeadingEstimate | None = None
         limits = (config.belt_limit_m_s, config.seat_rate_m_s, config.flipper_rate_rad_s)
         drives = [name for name, limit in zip(SOURCES.values(), limits, strict=True) if limit is not None]
@@ -91,6 +92,7 @@ class Guard:
             **{kind: (self._drives, name) for kind, name in SOURCES.items()},
             **({MotionPlan: (self._plans, "plan")} if config.has_planner else {}),
             HeadingEstimate: (self._estimates, "heading estimate"),
+            HeadingHealth: (self._healths, "health of the heading"),
             OperatorInput: (self._link, "operator link"),
         }
         """Monitor and name of each type of message whose silence is a fault."""
@@ -100,7 +102,6 @@ class Guard:
         self._t_s: float | None = None
         self._velocity: VelocityCommand | None = None
         self._map_s = self._rearmed_s = self._begun_s = -math.inf
-        self._direction = ""
         self._heading_rad = math.inf
         self._plan: MotionPlan | None = None
         self.source: CommandSource = "driver"
@@ -290,13 +291,16 @@ class Guard:
         if usable or (frames.is_alive and not needs_stair):
             self._senses.frame(quality.t_s, travel_m)
         if usable:
-            self._ahead.look_on(quality.obstacle_m, self._followed, travel_m)
+            self._ahead.look_on(quality.obstacle_m, travel_m)
 
     def _see(self, t_s: float) -> None:
         """Record a measured heading; from then on an estimate is awaited."""
         self._senses.seen(t_s)
         self._blind.seen(t_s)
+        self._maps.seen(t_s)
         self._estimates.expect("heading estimate")
+        if self._config.awaits_health:
+            self._healths.expect("health of the heading")
 
     def _update_sight(self, t_s: float) -> None:
         """Record a measurement of a camera without images as a frame."""
@@ -308,10 +312,8 @@ class Guard:
         if not stair.t_s > self._map_s:
             return
         self._map_s = stair.t_s
-        if stair.direction != self._direction:
-            self._slip.begin()
-        self._direction = stair.direction
-        sign = 1.0 if stair.direction == "up" else -1.0
+        self._maps.forget()
+        sign = 1.0 if self._config.view == "front" else -1.0
         travel_m, slow_travel_m = self._belts.travel.at(stair.t_s)
         places = [(sign * x, z) for x, _, z in stair.nosings_B]
         self._ahead.look(stair, places, sign * travel_m)
@@ -348,9 +350,9 @@ class Guard:
         self._stand(t_s)
         self._admission.stamps.restart()
         self._senses.restart(t_s, self._belts.travel.travel_m)
-        for silence in (self._link, self._plans, self._processes, self._drives, self._estimates):
+        for silence in (self._link, self._plans, self._processes, self._drives, self._estimates, self._healths):
             silence.restart(t_s)
-        for watch in (self._belts, self._slip, self._blind, self._tilt, self._seat):
+        for watch in (self._maps, self._belts, self._slip, self._blind, self._tilt, self._seat):
             watch.forget()
 
     # Plans and commands
@@ -436,18 +438,34 @@ class Guard:
         """Record a tick; return the time since the previous tick or since the last command, whichever is longer [s]."""
         if self._t_s is None:
             self._t_s = self._driver_s = t_s
-            if not self._config.awaits_ground:
-                self._latch.report(t_s, "drop_unwatched", "the camera does not report where the ground ends: no stop before a drop")
+            for is_awaited, name, unwatched in self._unwatched:
+                if not is_awaited:
+                    self._latch.report(t_s, f"{name}_unwatched", unwatched)
         passed_s, self._t_s = t_s - self._t_s, t_s
         if passed_s < -self._config.clock_jump_s:
             self._latch.hold(t_s, Stop.BRAKE, f"mission clock leapt by {passed_s:+.2f} s")
         if passed_s > self._config.silence_s:
             # Silence cannot be attributed to a source while the guard itself did not run.
-            for silence in (self._drives, self._plans, self._estimates):
+            for silence in (self._drives, self._plans, self._estimates, self._healths):
                 silence.excuse(passed_s)
         if passed_s > self._config.driver_timeout_s:
             self._latch.hold(t_s, Stop.BRAKE, f"no tick for {passed_s:.2f} s")
         return max(passed_s, t_s - self._driver_s)
+
+    @property
+    def _unwatched(self) -> tuple[tuple[bool, str, str], ...]:
+        """What a block may send, whether it is awaited, and what is not watched without it."""
+        limits = self._config
+        blind = limits.needs_heading
+        return (
+            (limits.awaits_ground, "drop", "the camera does not report where the ground ends: no stop before a drop"),
+            (
+                limits.awaits_map or not blind,
+                "map",
+                "the detector sends no maps: no stop before what stands on the flight, or a gap",
+            ),
+            (limits.awaits_health or not blind, "health", "the estimator does not report its health: no hold for a gyro that errs"),
+        )
 
     def _alarms(self, t_s: float) -> Iterator[tuple[Stop, str | None]]:
         """Yield how to stop for each cause, and the cause or None; the guard holds for the first cause.
@@ -480,6 +498,9 @@ class Guard:
             lost = self._senses.alarm(t_s, self._belts.travel.travel_m, phase)
             # Row 9: held within 0.5 s, of which the silence takes 0.3 s. Of one lost sense the other carries the heading.
             yield Stop.BRAKE if self._senses.both_lost(t_s) else Stop.RAMP, lost
+            yield Stop.RAMP, self._healths.cause(t_s)
+            # Row 25: without maps nothing watches the flight for obstacles and gaps.
+            yield Stop.RAMP, self._maps.cause if limits.awaits_map else None
             yield Stop.RAMP, self._blind.cause
             yield Stop.RAMP, heading_fault(limits, self._estimate, self._followed)
 

@@ -156,6 +156,7 @@ def guard_config(config: MissionConfig, period_s: float, *, driven: bool = True)
     """
     chair = config.chair
     tracks = chair.tracks
+    plugins, is_robust = config.plugins, config.vision == "robust"
     return GuardConfig(
         belt_limit_m_s=chair.drives.max_speed_m_s,
         drive_lag_s=chair.drives.lag_s,
@@ -169,6 +170,9 @@ def guard_config(config: MissionConfig, period_s: float, *, driven: bool = True)
         level_turn_share=level_turn_share(chair, config.payload_kg),
         normal_slip=NORMAL_SLIP,
         awaits_ground=config.reports_ground,
+        awaits_map=is_robust if plugins.detector is None else getattr(plugins.detector, "sends_map", True),
+        awaits_health=is_robust if plugins.estimator is None else getattr(plugins.estimator, "sends_health", True),
+        view="rear" if config.direction == "down" else "front",
         needs_heading=config.loop == "closed",
         watches_slip=config.allocation == "climb-safe" and config.loop == "closed" and driven,
         driver_timeout_s=PERIODS_MISSED * period_s,
