@@ -251,7 +251,7 @@ class _Search:
             shape=shape,
             stages=None,
             evidence=flight.evidence,
-            axes=None if flight.is_single else stair_axes_of(self.frame.t_s, level, shape, edge, sigma),
+            axes=None if flight.is_single else stair_axes_of(self.frame.t_s, level, shape, edge),
             parts=Parts(
                 risers=tuple(flight.risers),
                 treads=tuple(flight.treads),
