@@ -28,8 +28,8 @@ ANY_RISE_M, ANY_RUN_M = (
     (sum(limits) / len(limits), (limits[1] - limits[0]) / math.sqrt(12)) for limits in (SEARCHED_RISE_M, SEARCHED_RUN_M)
 )
 """Mean and standard deviation of rise and run of other steps [m]: those of uniform distributions over the searched ranges."""
-UNUSUAL = 0.05
-"""Prior probability of a flight of other than usual size: stands, terraces, climbing frames."""
+UNUSUAL_LOG_ODDS = math.log(0.05 / 0.95)
+"""Logarithm of the prior odds of a flight of other than usual size: stands, terraces, climbing frames."""
 RISE_IRREGULAR_M, RUN_IRREGULAR_M = 0.006, 0.008
 """Standard deviation of a nosing from the lattice, height and place [m]: building codes allow 5 to 10 mm between steps."""
 RISE_GAP_M, RUN_GAP_M = 0.57, 1.17
@@ -66,7 +66,6 @@ FITS = 2
 NONE = -1000
 """Step number of a part outside the lattice."""
 LOG_2PI = math.log(math.tau)
-UNUSUAL_LOG_ODDS = math.log(UNUSUAL / (1.0 - UNUSUAL))
 
 
 @njit(cache=True, error_model="numpy")
