@@ -9,10 +9,10 @@ import pytest
 from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.perception import DetectorConfig, StairDetector
+from treadline.perception.overlay import write_stages
 from treadline.perception.paper.algorithm import BOX_COLOUR, PaperConfig, run_steps
 from treadline.perception.paper.edges import canny, grey_of, thresholds
 from treadline.perception.paper.hough_segments import merged, slopes
-from treadline.perception.paper.pictures import write_stages
 
 CAMERA = PinholeCamera(width_px=320, height_px=240, fx_px=287.5, fy_px=287.5, cx_px=159.5, cy_px=119.5)
 NOSINGS = (40, 80, 120, 160, 200)
