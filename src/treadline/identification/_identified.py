@@ -23,8 +23,7 @@ from treadline.identification._affine import of_model
 from treadline.identification._belts import DifferentialInput, turn_channels
 from treadline.identification._checks import FEW_SAMPLES, excitation_order, insufficient_excitation
 from treadline.identification._dead_time import without_delays
-from treadline.identification._dependent_inputs import DriveLog
-from treadline.identification._drive_log import LogFindings, examine
+from treadline.identification._drive_log import DriveLog, LogFindings, examine
 from treadline.identification._era import HankelSvd
 from treadline.identification._fitting import CandidateScore, FittedSystem, Fitting
 from treadline.identification._gram import Gram, units_of

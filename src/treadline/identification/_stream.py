@@ -12,7 +12,7 @@ from treadline.core.errors import PoorExcitation, SettingsError
 from treadline.core.linear_systems import most_recent
 from treadline.core.models import InputOutputRecord
 from treadline.identification._checks import channel_names, check_alike, check_gaps, check_records, gaps_in
-from treadline.identification._dependent_inputs import DriveLog
+from treadline.identification._drive_log import DriveLog
 from treadline.identification._from_gram import from_gram
 from treadline.identification._gram import GramBuilder, Units
 from treadline.identification._identified import Identified
