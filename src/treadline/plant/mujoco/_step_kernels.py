@@ -1,11 +1,9 @@
 """Inner loop of the plant, compiled: belts, seat actuator, and MuJoCo's stages.
 
-MuJoCo's functions are linked by name; ``_native.load_library`` must run before the first call. ``no_type_check`` prevents the shape
-checker of the tests from wrapping compiled functions.
+MuJoCo's functions are linked by name; ``_native.load_library`` must run before the first call.
 """
 
 import math
-from typing import no_type_check
 
 from numba import types
 
@@ -72,7 +70,6 @@ SOUND, WARNED, NOT_FINITE, CROWDED = 0, 1, 2, 3
 
 
 @njit(cache=True)
-@no_type_check
 def reach_of_contacts(count, real, whole, frame, geom, is_belt, qpos, xmat, reach):
     """Extend ``reach`` (front, rear, left, right of B, each positive outward) to the belt contacts.
 
@@ -94,7 +91,6 @@ def reach_of_contacts(count, real, whole, frame, geom, is_belt, qpos, xmat, reac
 
 
 @njit(cache=True)
-@no_type_check
 def move_payload(sway, qvel, seat_rate, xmat, seat_xmat, com, force):
     """Set the payload position of the sway, and the reaction force on the seat.
 
@@ -123,7 +119,6 @@ def move_payload(sway, qvel, seat_rate, xmat, seat_xmat, com, force):
 
 
 @njit(cache=True)
-@no_type_check
 def judge(warnings, log, room):
     """Return the result code: a MuJoCo warning, a non-finite state, more than ``room`` contacts, or sound."""
     for count in warnings:
@@ -139,7 +134,6 @@ def judge(warnings, log, room):
 
 
 @njit(cache=True, nogil=True)  # several threads can advance their plants in parallel
-@no_type_check
 def advance(
     ticks, mu, log, model, data, count, real, whole, layout, coulomb, lugs, is_belt, xmat, grip, command, drives, mismatch, state,
     belts_of, surface_velocity, radius, seat, angles, flipper, damping, force, control, qpos, qvel, warnings,

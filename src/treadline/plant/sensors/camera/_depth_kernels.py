@@ -7,7 +7,6 @@ neglected.
 """
 
 import math
-from typing import no_type_check
 
 import numpy as np
 
@@ -25,7 +24,6 @@ MODULATION_HZ = 80e6
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def kinect(exact, face, fx_noise, baseline, shadow_px, sigma_px, step_px, near, far, jitter, normal, chance, places, measured):
     """Fill ``measured`` with the output of a structured-light sensor for exact depth.
 
@@ -79,7 +77,6 @@ def kinect(exact, face, fx_noise, baseline, shadow_px, sigma_px, step_px, near, 
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def time_of_flight(
     exact, face, fx, fy, cx, cy, albedos, floor_m, gain_m, ripple_m, scale, near, far, dropped, normal, chance, places, measured
 ):
@@ -131,7 +128,6 @@ def time_of_flight(
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def stereo(
     exact,
     face,
@@ -186,7 +182,6 @@ def stereo(
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-@no_type_check
 def _light(exact, face, u, v, fx, fy, cx, cy, albedos):
     """Return the light of the projector that a pixel gets back, relative to a white wall facing it at 1 m.
 
@@ -211,7 +206,6 @@ def _light(exact, face, u, v, fx, fy, cx, cy, albedos):
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def bounce(exact, face, albedos, fx, fy, cx, cy, cell, bias):
     """Fill ``bias`` [m of range] for the middle pixel of each cell of ``cell`` × ``cell`` pixels; NaN without a surface."""
     rows, columns = bias.shape
@@ -257,7 +251,6 @@ def bounce(exact, face, albedos, fx, fy, cx, cy, cell, bias):
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def _plane(exact, face, u, v, fx, fy, cx, cy, normal):
     """Write the unit normal of the face at a pixel, pointing away from the camera; return whether it has one."""
     f, z = face[v, u], exact[v, u]
