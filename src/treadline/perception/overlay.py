@@ -59,7 +59,7 @@ def overlay(frame: RgbdFrame, sight: StairDetection) -> Picture:
 
 def write_stages(stages: Stages, folder: Path, prefix: str = "fig05") -> list[Path]:
     """Write the six stages of Fig. 5 as ``PREFIX-1.png … -6.png``, each atomically."""
-    return [write_picture(picture, folder / f"{prefix}-{number}.png") for number, picture in enumerate(stages.pictures, start=1)]
+    return [write_picture(picture, folder / f"{prefix}-{number}.png") for number, picture in enumerate(stages, start=1)]
 
 
 def write_picture(picture: Picture, path: Path) -> Path:
