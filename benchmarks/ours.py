@@ -7,7 +7,7 @@ import numpy as np
 from treadline.core.errors import TreadlineError
 from treadline.core.models import InputOutputRecord
 from treadline.identification import era
-from treadline.identification._gram import gram, units_of
+from treadline.identification._gram import gram_of, units_of
 
 WAYS: dict[str, dict[str, Any]] = {
     "okid-era (gram)": {"method": "okid-era", "solver": "gram"},
@@ -23,7 +23,7 @@ FAILURES = (TreadlineError, np.linalg.LinAlgError)
 
 def gram_alone(record: InputOutputRecord, lags: int) -> None:
     """Accumulate the Gram matrix, channel scales included, and nothing else."""
-    gram(record, lags, units_of([record]))
+    gram_of([record], lags, units_of([record]))
 
 
 def realise(markov: np.ndarray, order: int, rows: int) -> None:

@@ -73,9 +73,7 @@ def axes_of(t_s: float, R_CS: np.ndarray) -> StairAxes:
         edge_C=-R_CS[:, 1],
         down_C=R_CS @ np.array([-math.sin(SLOPE_RAD), 0.0, -math.cos(SLOPE_RAD)]),
         normal_C=R_CS[:, 2],
-        edge_sigma_rad=0.1 * DEG,
         down_sigma_rad=0.1 * DEG,
-        normal_sigma_rad=0.2 * DEG,
     )
 
 

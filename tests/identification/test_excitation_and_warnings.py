@@ -12,7 +12,7 @@ from systems import Draw, fit, system, white_record
 from treadline.core.errors import PoorExcitation
 from treadline.core.linear_systems import crosscorrelation_p, simulate, whiteness_p
 from treadline.core.models import InputOutputRecord, LinearModel
-from treadline.identification import gram
+from treadline.identification import gram_of
 from treadline.identification._checks import excitation_order
 from treadline.identification._gram import units_of
 
@@ -23,7 +23,7 @@ def excited(u: Float[np.ndarray, "T m"], *, samples: float = 0.0) -> int:
     """Return the order that the inputs excite, up to twelve lags."""
     y = np.random.default_rng(99).standard_normal((len(u), 1))
     record = InputOutputRecord(u=u, y=y, dt_s=1.0)
-    return excitation_order(gram(record, LAGS, units_of([record])), samples=samples)
+    return excitation_order(gram_of([record], LAGS, units_of([record])), samples=samples)
 
 
 @pytest.mark.parametrize("inputs", [1, 2, 3])

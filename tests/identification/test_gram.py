@@ -12,7 +12,7 @@ from systems import noise_record
 
 from treadline.core.errors import LogFormatError, ShapeMismatch, TreadlineError
 from treadline.core.models import InputOutputRecord
-from treadline.identification import Gram, gram
+from treadline.identification import Gram, gram_of
 from treadline.identification._gram import GramBuilder, Units, units_of
 
 ROUNDING = 1e-11
@@ -59,7 +59,7 @@ def test_the_gram_matrix_equals_the_sum_over_all_complete_windows(case: Case, la
     record = record_of(case)
     units = some_units(record)
     X = whole_windows(record, lags, units)
-    found = gram(record, lags, units)
+    found = gram_of([record], lags, units)
     np.testing.assert_allclose(found.sums, X.T @ X, atol=ROUNDING, rtol=ROUNDING)
     assert found.count == len(X)
     assert found.dropped == max(len(record) - lags, 0) - len(X)
@@ -70,7 +70,7 @@ def test_the_gram_matrix_equals_the_sum_over_all_complete_windows(case: Case, la
 def test_any_cut_into_chunks_gives_the_same_sums(case: Case, lags: int, cuts: list[int]) -> None:
     record = record_of(case)
     units = some_units(record)
-    at_once = gram(record, lags, units)
+    at_once = gram_of([record], lags, units)
     builder = GramBuilder(lags, units, record.dt_s)
     for piece in np.split(np.arange(len(record)), sorted(min(cut, len(record)) for cut in cuts)):
         builder.add(record.u[piece], record.y[piece])
@@ -84,7 +84,7 @@ def test_any_cut_into_chunks_gives_the_same_sums(case: Case, lags: int, cuts: li
 def test_the_triangular_root_has_the_sums_as_its_square(case: Case, lags: int) -> None:
     record = record_of(case)
     units = some_units(record)
-    found, plain = gram(record, lags, units, solver="qr"), gram(record, lags, units)
+    found, plain = gram_of([record], lags, units, solver="qr"), gram_of([record], lags, units)
     np.testing.assert_allclose(found.root.T @ found.root, plain.sums, atol=ROUNDING, rtol=ROUNDING)
     assert (found.count, found.dropped) == (plain.count, plain.dropped)
 
@@ -92,23 +92,23 @@ def test_the_triangular_root_has_the_sums_as_its_square(case: Case, lags: int) -
 def test_sums_of_fewer_lags_are_the_leading_block() -> None:
     record = random_record(4)
     units = some_units(record)
-    data = gram(record, 8, units, solver="qr")
+    data = gram_of([record], 8, units, solver="qr")
     fewer = data.fewer(3)
     assert (fewer.lags, fewer.sums.shape) == (3, (1 + 3 * 4, 1 + 3 * 4))
     np.testing.assert_array_equal(fewer.sums, data.sums[:13, :13])
     # The same windows without their older samples: those of three lags that end at the ninth sample or later.
     later = InputOutputRecord(u=record.u[5:], y=record.y[5:], dt_s=0.1)
-    np.testing.assert_allclose(fewer.sums, gram(later, 3, units).sums, atol=ROUNDING)
+    np.testing.assert_allclose(fewer.sums, gram_of([later], 3, units).sums, atol=ROUNDING)
     np.testing.assert_allclose(fewer.root.T @ fewer.root, fewer.sums, atol=ROUNDING)
 
 
 def test_sums_of_other_lags_units_or_periods_do_not_add_up() -> None:
     record = random_record(7)
     units = some_units(record)
-    data = gram(record, 4, units)
+    data = gram_of([record], 4, units)
     with pytest.raises(ShapeMismatch, match="of 4 and 5 lags do not add up"):
-        data + gram(record, 5, units)
-    for other in (gram(record, 4, units_of([record])), replace(data, dt_s=0.2)):
+        data + gram_of([record], 5, units)
+    for other in (gram_of([record], 4, units_of([record])), replace(data, dt_s=0.2)):
         with pytest.raises(ShapeMismatch):
             data + other
 
@@ -132,7 +132,7 @@ def test_an_offset_does_not_reduce_the_precision_of_the_deviation() -> None:
 def saved(folder: Path, **changes: object) -> Path:
     """Return a file with a Gram matrix, some parts changed; None removes a part."""
     record = random_record(12, 60)
-    gram(record, 2, some_units(record)).save(folder / "sums.npz")
+    gram_of([record], 2, some_units(record)).save(folder / "sums.npz")
     with np.load(folder / "sums.npz") as file:
         parts = {**file, **changes}
     np.savez(folder / "changed.npz", **{name: np.asarray(value) for name, value in parts.items() if value is not None})
@@ -142,7 +142,7 @@ def saved(folder: Path, **changes: object) -> Path:
 def test_saved_sums_come_back_bit_by_bit(tmp_path: Path) -> None:
     record = random_record(13)
     record.y[7] = np.nan
-    data = gram(record, 5, some_units(record)).forgotten(0.9)
+    data = gram_of([record], 5, some_units(record)).forgotten(0.9)
     data.save(tmp_path / "new" / "sums.npz")
     again = Gram.load(tmp_path / "new" / "sums.npz")
     for found, held in ((again.sums, data.sums), (again.units.shift, data.units.shift), (again.units.scale, data.units.scale)):
@@ -202,4 +202,4 @@ def test_a_file_of_another_kind_is_rejected(tmp_path: Path) -> None:
 def test_a_failed_write_names_the_file(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(TreadlineError, match=r"sums\.npz: cannot be written"):
-        gram(random_record(14), 1, some_units(random_record(14))).save(tmp_path / "file" / "sums.npz")
+        gram_of([random_record(14)], 1, some_units(random_record(14))).save(tmp_path / "file" / "sums.npz")

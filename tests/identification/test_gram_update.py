@@ -9,7 +9,7 @@ from systems import Draw, fit, system
 from treadline.core.errors import SettingsError
 from treadline.core.linear_systems import impulse_response, part, simulate
 from treadline.core.models import InputOutputRecord
-from treadline.identification import gram
+from treadline.identification import gram_of
 
 METHODS = ("okid-era", "pbsid")
 
@@ -20,7 +20,7 @@ def test_updating_a_gram_matrix_equals_both_experiments_at_once(draw: Draw, meth
     prior = fit(first, order=2, method=method).gram
     gone_on = fit(second, order=2, method=method, prior=prior)
     # All data in the units of the first experiment; common units would change the last digits.
-    both = gram(first, prior.lags, prior.units) + gram(second, prior.lags, prior.units)
+    both = gram_of([first], prior.lags, prior.units) + gram_of([second], prior.lags, prior.units)
     np.testing.assert_array_equal(gone_on.gram.sums, both.sums)
     assert gone_on.gram.count == 900 - 2 * prior.lags
     at_once = fit([first, second], order=2, method=method, lags=gone_on.report.lags)
@@ -32,11 +32,11 @@ def test_updating_a_gram_matrix_equals_both_experiments_at_once(draw: Draw, meth
 def test_a_record_cut_in_two_lacks_the_windows_across_the_seam(draw: Draw) -> None:
     record = draw(2, noise=0.05)
     whole = fit(record, order=2, lags=6, method="okid-era")
-    prior = gram(part(record, 0, 500), 6, whole.gram.units)
+    prior = gram_of([part(record, 0, 500)], 6, whole.gram.units)
     gone_on = fit(part(record, 500, 1000), order=2, method="okid-era", prior=prior)
     # Six windows begin in the first half and end in the second; neither part contains them.
     assert whole.gram.count - gone_on.gram.count == 6
-    seam = gram(part(record, 494, 506), 6, whole.gram.units)
+    seam = gram_of([part(record, 494, 506)], 6, whole.gram.units)
     np.testing.assert_allclose(gone_on.gram.sums + seam.sums, whole.gram.sums, atol=1e-9)
 
 
@@ -53,7 +53,7 @@ def test_forgetting_reduces_the_weight_with_every_new_sample(draw: Draw) -> None
     prior = fit(draw(0, noise=0.05, samples=500), order=2, method="okid-era").gram
     later = draw(1, noise=0.05, samples=100)
     found = fit(later, order=2, method="okid-era", prior=prior, forgetting=0.99).gram
-    expected = 0.99**100 * prior.sums + gram(later, prior.lags, prior.units).sums
+    expected = 0.99**100 * prior.sums + gram_of([later], prior.lags, prior.units).sums
     np.testing.assert_allclose(found.sums, expected, rtol=1e-12)
     assert found.count == pytest.approx(0.99**100 * prior.count + 100 - prior.lags)
 

@@ -9,10 +9,10 @@ import pytest
 from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.perception import DetectorConfig, StairDetector
+from treadline.perception.overlay import write_stages
 from treadline.perception.paper.algorithm import BOX_COLOUR, PaperConfig, run_steps
 from treadline.perception.paper.edges import canny, grey_of, thresholds
 from treadline.perception.paper.hough_segments import merged, slopes
-from treadline.perception.paper.pictures import write_stages
 
 CAMERA = PinholeCamera(width_px=320, height_px=240, fx_px=287.5, fy_px=287.5, cx_px=159.5, cy_px=119.5)
 NOSINGS = (40, 80, 120, 160, 200)
@@ -52,8 +52,8 @@ def test_the_answer_carries_box_count_and_six_pictures() -> None:
     u0, v0, u1, v1 = sight.box_px
     assert (v0, v1) == pytest.approx((40, 200), abs=2)
     assert u1 - u0 > 300
-    assert [picture.shape for picture in sight.stages.pictures] == [(240, 320, 3)] * 6
-    assert (sight.stages.pictures[5] == BOX_COLOUR).all(axis=2).any()
+    assert [picture.shape for picture in sight.stages] == [(240, 320, 3)] * 6
+    assert (sight.stages[5] == BOX_COLOUR).all(axis=2).any()
     assert PAPER.look(banded(0.0)).stages is None
 
 
@@ -62,7 +62,7 @@ def test_stages_are_written_as_pictures(tmp_path: Path) -> None:
     paths = write_stages(sight.stages, tmp_path / "new", "fig05")
     assert [path.name for path in paths] == [f"fig05-{number}.png" for number in range(1, 7)]
     assert sorted((tmp_path / "new").iterdir()) == paths
-    for path, picture in zip(paths, sight.stages.pictures, strict=True):
+    for path, picture in zip(paths, sight.stages, strict=True):
         np.testing.assert_array_equal(cv2.cvtColor(cv2.imread(str(path)), cv2.COLOR_BGR2RGB), picture)
 
 

@@ -47,7 +47,7 @@ def test_what_is_no_higher_than_an_edge_spreads_is_nothing(depth_m: float, heigh
     strip = np.where((above > height_m - 0.01) & (above < height_m), depth_m, np.nan)
     depth = np.repeat(strip[:, None], 40, axis=1).astype(np.float32)
     frame = RgbdFrame(t_s=0.0, rgb=np.zeros((240, 40, 3), np.uint8), depth_m=depth, camera=camera)
-    sizes = dict.fromkeys(("rise_sigma_m", "run_sigma_m", "slope_sigma_rad", "plane_sigma_rad", "distance_m", "blind_m"), 0.0)
+    sizes = dict.fromkeys(("rise_sigma_m", "run_sigma_m", "slope_sigma_rad", "distance_m", "blind_m"), 0.0)
     shape = StairShape(rise_m=0.0, run_m=0.3, slope_rad=0.0, direction="up", **sizes)
     axes = Axes(ahead=np.array([0.0, 0.0, 1.0]), up=np.array([0.0, -1.0, 0.0]), right=np.array([1.0, 0.0, 0.0]))
     points = [np.array([0.0, 0.5, ahead]) for ahead in (1.0, 9.0)]

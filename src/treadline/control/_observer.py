@@ -12,7 +12,8 @@ optimal gain of the plant with the queue as states; with any, the closed loop ha
 import numpy as np
 from jaxtyping import Float, Int
 
-from treadline.control.lqr import solvable, spectral_radius
+from treadline.control.lqr import solvable
+from treadline.core.arrays import spectral_radius
 from treadline.core.errors import NotDetectable
 from treadline.core.models import LinearModel
 

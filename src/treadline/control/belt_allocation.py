@@ -43,15 +43,10 @@ class BeltLimits:
     climb_speed_m_s: float
     max_speed_m_s: float
     min_inner_speed_ratio: float = INNER_RATIO_CLIMBING
-    """Smallest inner belt speed as a ratio of the climb speed."""
+    """Smallest inner belt speed as a ratio of the climb speed; with a slower inner belt a turning chair would slide down."""
     yaw_gain_ratio: float = 1.0
     """Measured yaw gain over the identified model's, at least 1. The largest belt speed difference is divided by the ratio: the
     chair then turns no faster than the model at the largest difference, and the end of the turn is as gentle."""
-
-    @property
-    def min_inner_m_s(self) -> float:
-        """Smallest inner belt speed [m/s]; with a slower inner belt a turning chair would slide down."""
-        return self.min_inner_speed_ratio * self.climb_speed_m_s
 
 
 def clipped(demanded: Float[np.ndarray, " 2"], limits: BeltLimits) -> Float[np.ndarray, " 2"]:
@@ -64,7 +59,7 @@ def climb_safe(demanded: Float[np.ndarray, " 2"], limits: BeltLimits) -> Float[n
 
     The demanded common speed is replaced by the climb speed, or by a higher speed that keeps the inner belt from sliding.
     """
-    inner_m_s = limits.min_inner_m_s
+    inner_m_s = limits.min_inner_speed_ratio * limits.climb_speed_m_s
     most = min(0.5 * (limits.max_speed_m_s - inner_m_s), MAX_MEAN_M_S - inner_m_s) / limits.yaw_gain_ratio
     half = float(np.clip(0.5 * (demanded[1] - demanded[0]), -most, most))
     common = max(limits.climb_speed_m_s, abs(half) + inner_m_s)

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 import numpy as np
 from jaxtyping import Complex, Float
 
-from treadline.core.arrays import matrix
+from treadline.core.arrays import matrix, spectral_radius
 from treadline.core.errors import NotDefinite, NotFinite, NotInvertible, NotStabilisable, ShapeMismatch, TreadlineError
 from treadline.core.models import ControllerDesign
 
@@ -97,11 +97,6 @@ def _check_definite(name: str, weight: Float[np.ndarray, "n n"], *, strictly: bo
         raise NotDefinite(f"{name} is not positive definite (smallest eigenvalue {smallest:.3g}); raise its diagonal")
     if smallest < -SYMMETRY * scale:
         raise NotDefinite(f"{name} is not positive semi-definite (smallest eigenvalue {smallest:.3g})")
-
-
-def spectral_radius(A: Float[np.ndarray, "n n"]) -> float:
-    """Return the largest magnitude of the eigenvalues."""
-    return float(np.abs(np.linalg.eigvals(A)).max())
 
 
 def closed_loop_poles(design: ControllerDesign) -> Complex[np.ndarray, " n"]:

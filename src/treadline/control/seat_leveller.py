@@ -34,21 +34,18 @@ class Leveller:
         if not finite or abs(reading.pitch_rad) <= DEAD_BAND_RAD:
             return SeatCommand(t_s=reading.t_s, rate_m_s=0.0)
         # Pitch is positive with the front up; a longer stroke leans the seat forward.
-        rate = GAIN_PER_S * reading.pitch_rad / self._linkage.rate_ratio(_reached(self._linkage, reading))
-        return SeatCommand(t_s=reading.t_s, rate_m_s=_limited(rate, self._seat, self._linkage, reading))
+        return self.command(reading.t_s, self.stroke_rate(GAIN_PER_S * reading.pitch_rad, reading), reading)
 
+    def stroke_rate(self, pitch_rad_s: float, reading: SeatReading) -> float:
+        """Return the stroke rate that turns the seat at a rate [m/s], at the measured stroke or the nearest end of the actuator."""
+        low, high = self._linkage.stroke_range
+        return pitch_rad_s / self._linkage.rate_ratio(min(max(reading.stroke_m, low), high))
 
-def _reached(linkage: SeatLinkage, reading: SeatReading) -> float:
-    """Return the measured stroke, or the nearest end of the actuator [m]."""
-    low, high = linkage.stroke_range
-    return min(max(reading.stroke_m, low), high)
-
-
-def _limited(rate_m_s: float, seat: Seat, linkage: SeatLinkage, reading: SeatReading) -> float:
-    """Return a rate within the actuator's limit; zero against an end of its stroke."""
-    low, high = linkage.stroke_range
-    at_end = (reading.stroke_m >= high and rate_m_s > 0.0) or (reading.stroke_m <= low and rate_m_s < 0.0)
-    return 0.0 if at_end else min(max(rate_m_s, -seat.max_rate_m_s), seat.max_rate_m_s)
+    def command(self, t_s: float, rate_m_s: float, reading: SeatReading) -> SeatCommand:
+        """Return the command of a rate within the actuator's limit; of none against an end of its stroke."""
+        (low, high), most = self._linkage.stroke_range, self._seat.max_rate_m_s
+        at_end = (reading.stroke_m >= high and rate_m_s > 0.0) or (reading.stroke_m <= low and rate_m_s < 0.0)
+        return SeatCommand(t_s=t_s, rate_m_s=0.0 if at_end else min(max(rate_m_s, -most), most))
 
 
 QUIET_RAD_S, QUIET_S = 1.0 * DEG, 0.3
@@ -58,26 +55,6 @@ ROCKS_S, ROCKS_RAD = 0.8, 1.5 * DEG
 FRESH_S = 0.05
 SMOOTHING_S = 0.03
 """Time constant of the low-pass [s] that bounds the lead 1 + lag·s and its amplification of gyro noise."""
-
-
-class PitchFeedForward:
-    """Lead filter (1 + lag·s)/(1 + smoothing·s) from pitch rate to stroke rate."""
-
-    def __init__(self, seat: Seat) -> None:
-        self._seat = seat
-        self._linkage = SeatLinkage(seat)
-        self._smooth_rad_s = 0.0
-        self._t_s: float | None = None
-
-    def step(self, imu: ImuSample, seat: SeatReading, levelling: SeatCommand) -> SeatCommand:
-        """Return the leveller's rate plus the rate that keeps a level seat level."""
-        pitch_rate = -imu.angular_velocity_rad_s[1]
-        dt_s = 0.0 if self._t_s is None else max(imu.t_s - self._t_s, 0.0)
-        self._t_s = imu.t_s
-        self._smooth_rad_s += (pitch_rate - self._smooth_rad_s) * (1.0 - math.exp(-dt_s / SMOOTHING_S))
-        lead = self._smooth_rad_s + (self._seat.lag_s / SMOOTHING_S) * (pitch_rate - self._smooth_rad_s)
-        rate = levelling.rate_m_s + lead / self._linkage.rate_ratio(_reached(self._linkage, seat))
-        return SeatCommand(t_s=imu.t_s, rate_m_s=_limited(rate, self._seat, self._linkage, seat))
 
 
 class _Turned:
@@ -107,7 +84,9 @@ class PitchLeveller:
 
     def __init__(self, seat: Seat) -> None:
         self._leveller = Leveller(seat)
-        self._feed_forward = PitchFeedForward(seat)
+        self._lag_s = seat.lag_s
+        self._smooth_rad_s = 0.0
+        self._t_s: float | None = None
         self._lately, self._longer = _Turned(QUIET_S), _Turned(ROCKS_S)
 
     def step(self, reading: SeatReading, imu: ImuSample | None) -> SeatCommand:
@@ -115,8 +94,17 @@ class PitchLeveller:
         levelling = self._leveller.step(reading)
         if imu is None or abs(imu.t_s - reading.t_s) > FRESH_S or not math.isfinite(imu.angular_velocity_rad_s[1]):
             return levelling
-        led = self._feed_forward.step(imu, reading, levelling)
+        led = self._led(imu, reading, levelling)
         return led if self._manoeuvres(imu) else levelling
+
+    def _led(self, imu: ImuSample, reading: SeatReading, levelling: SeatCommand) -> SeatCommand:
+        """Return the leveller's rate plus the rate that keeps a level seat level: a lead filter (1 + lag·s)/(1 + smoothing·s)."""
+        pitch_rate = -imu.angular_velocity_rad_s[1]
+        dt_s = 0.0 if self._t_s is None else max(imu.t_s - self._t_s, 0.0)
+        self._t_s = imu.t_s
+        self._smooth_rad_s += (pitch_rate - self._smooth_rad_s) * (1.0 - math.exp(-dt_s / SMOOTHING_S))
+        lead = self._smooth_rad_s + (self._lag_s / SMOOTHING_S) * (pitch_rate - self._smooth_rad_s)
+        return self._leveller.command(imu.t_s, levelling.rate_m_s + self._leveller.stroke_rate(lead, reading), reading)
 
     def _manoeuvres(self, imu: ImuSample) -> bool:
         """Whether the chair pitches in one direction instead of rocking."""

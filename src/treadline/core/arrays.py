@@ -113,6 +113,11 @@ def cross(a: Vector3, b: Vector3) -> Vector3:
     return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
 
+def spectral_radius(A: Float[np.ndarray, "n n"]) -> float:
+    """Return the largest magnitude of the eigenvalues; 0 without states."""
+    return float(np.abs(np.linalg.eigvals(A)).max(initial=0.0))
+
+
 def decimated(
     t: Float[np.ndarray, " T"], values: Float[np.ndarray, " T"], columns: int = 300
 ) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:

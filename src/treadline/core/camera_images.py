@@ -112,12 +112,8 @@ class StairAxes:
     """Unit vector normal to the treads and to ``edge_C``: the direction of gravity on a stair with horizontal treads."""
     normal_C: Vector3
     """Unit vector normal to the nosing plane, pointing away from the stair."""
-    edge_sigma_rad: float
-    """Standard deviation of the edge direction about ``normal_C`` [rad]."""
     down_sigma_rad: float
     """Standard deviation of ``down_C`` about the edge [rad]."""
-    normal_sigma_rad: float
-    """Standard deviation of ``normal_C`` about the edge [rad]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)

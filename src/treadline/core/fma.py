@@ -1,16 +1,10 @@
-"""Compiled sums of products with fused multiply-add, so that results round as in BLAS and identically on all processors.
-
-``no_type_check`` prevents the shape checker of the tests from wrapping compiled functions.
-"""
-
-from typing import no_type_check
+"""Compiled sums of products with fused multiply-add, so that results round as in BLAS and identically on all processors."""
 
 from numba import types
 from numba.extending import intrinsic, register_jitable
 
 
 @intrinsic
-@no_type_check
 def fused(_typing, a, b, c):
     """Return ``a * b + c`` with a single rounding."""
     del a, b, c
@@ -19,7 +13,6 @@ def fused(_typing, a, b, c):
 
 
 @register_jitable  # a part of the kernels that call it: two processes that compile them share no file
-@no_type_check
 def dot(a, b):
     """Return the inner product of two vectors."""
     total = a[0] * b[0]

@@ -1,9 +1,4 @@
-"""Compiled recursions of a linear system: free run and observer, which array operations cannot express.
-
-``no_type_check`` keeps the tests' shape checker from wrapping functions compiled by numba.
-"""
-
-from typing import no_type_check
+"""Compiled recursions of a linear system: free run and observer, which array operations cannot express."""
 
 import numpy as np
 
@@ -11,7 +6,6 @@ from treadline.core.kernel_cache import njit
 
 
 @njit(cache=True)
-@no_type_check
 def free_run(A, B, C, D, x0, u):
     """Return the outputs of x⁺ = Ax + Bu, y = Cx + Du from the initial state x0."""
     n, m, p, steps = A.shape[0], B.shape[1], C.shape[0], len(u)
@@ -36,7 +30,6 @@ def free_run(A, B, C, D, x0, u):
 
 
 @njit(cache=True)
-@no_type_check
 def observer_run(A, closed, drive, correction, whole, x0):
     """Return the states of x⁺ = (A - LC) x + drive + correction, or of x⁺ = Ax + drive at a missing y."""
     steps, n = drive.shape

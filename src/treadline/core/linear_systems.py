@@ -243,11 +243,6 @@ def chi2_tail(statistic: float, freedom: int) -> float:
     return float(chdtrc(freedom, max(statistic, 0.0))) if freedom else math.nan
 
 
-def joined_in_time(records: Sequence[InputOutputRecord]) -> InputOutputRecord:
-    """Return one record of several consecutive records."""
-    return replace(records[0], u=np.vstack([record.u for record in records]), y=np.vstack([record.y for record in records]))
-
-
 def most_recent(records: Sequence[InputOutputRecord], samples: int) -> list[InputOutputRecord]:
     """Return the last records with a total of ``samples`` complete samples."""
     kept: list[InputOutputRecord] = []

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 from scipy.linalg import schur, solve_sylvester
 
+from treadline.core.arrays import spectral_radius
 from treadline.core.errors import ModelError
 from treadline.core.linear_systems import impulse_response
 from treadline.core.printing import Brief, Plottable
@@ -36,14 +37,9 @@ def poles(model: StateSpaceModel) -> Complex[np.ndarray, " n"]:
     return np.asarray(values[np.argsort(-np.abs(values), kind="stable")])
 
 
-def spectral_radius(model: StateSpaceModel) -> float:
-    """Return the largest magnitude of a pole; 0 without states."""
-    return float(np.abs(np.linalg.eigvals(model.A)).max(initial=0.0))
-
-
 def is_unstable(model: StateSpaceModel) -> bool:
     """Whether a pole lies outside the unit circle by more than rounding."""
-    return spectral_radius(model) > 1.0 + 1e-6
+    return spectral_radius(model.A) > 1.0 + 1e-6
 
 
 def zeros(model: StateSpaceModel) -> Complex[np.ndarray, " k"]:
@@ -147,7 +143,7 @@ def frequency_response(model: StateSpaceModel, omega_rad: Float[np.ndarray, " w"
 def response_steps(model: StateSpaceModel) -> int:
     """Return the number of samples after which an impulse response has died out, or as far as it can be shown."""
     if is_unstable(model):
-        grown = int(math.log(GROWTH_MOST) / math.log(spectral_radius(model)))
+        grown = int(math.log(GROWTH_MOST) / math.log(spectral_radius(model.A)))
         return max(STEPS_LEAST // 2, min(STEPS_MOST, grown)) + max(model.input_delay)
     response = impulse_response(model, 5 * STEPS_MOST)
     # The response of an integrator stays: its change has to die out.

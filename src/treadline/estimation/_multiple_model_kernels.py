@@ -1,7 +1,6 @@
 """Compiled kernels of the multiple-model Kalman filter, called at 100 Hz."""
 
 import math
-from typing import no_type_check
 
 import numpy as np
 
@@ -12,7 +11,6 @@ STATES = 4
 
 
 @njit(cache=True)
-@no_type_check
 def moments(x, P, weights, walk):
     """Return the fields of ``MixtureMoments``: weighted means over the noise levels, variances with the spread between levels."""
     heading, shown = x[:, 0], x[:, 0] + x[:, 3]
@@ -30,7 +28,6 @@ def moments(x, P, weights, walk):
 
 
 @njit(cache=True)
-@no_type_check
 def propagate(x, P, weights, walk, rate, dt, bias_walk, keep, shared):
     """Propagate each level by the gyro rate, updating ``x`` and ``P`` in place.
 

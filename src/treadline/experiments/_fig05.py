@@ -15,7 +15,7 @@ from treadline.core.rotations import Vector3, rotation_of
 from treadline.core.signals import ImuSample
 from treadline.experiments.plan import FIG10_SLOPE, turn
 from treadline.perception import DetectorConfig, StairDetector
-from treadline.perception.paper.pictures import write_stages
+from treadline.perception.overlay import write_stages
 from treadline.plant.mujoco import open_plant
 
 HEADING_DEG = 10

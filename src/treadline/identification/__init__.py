@@ -3,7 +3,7 @@
 from treadline.identification._era import era
 from treadline.identification._fitting import CandidateScore
 from treadline.identification._from_gram import okid, pbsid
-from treadline.identification._gram import Gram, gram
+from treadline.identification._gram import Gram, gram_of
 from treadline.identification._identified import IdentificationReport, Identified
 from treadline.identification._okid import observer_markov, system_markov
 from treadline.identification._stream import identify_chunks

@@ -146,7 +146,7 @@ def _orders(fitting: Fitting, states: StateMap) -> list[int]:
     """Return the orders tried: about the one of smallest BIC, as far as the samples allow."""
     data = fitting.data
     m, p = data.units.input_count, len(data.units.output_scale)
-    central = bic_order(data, states, data.lags, feedthrough=fitting.feedthrough, most=LAGS_MOST)
+    central = bic_order(data, states, data.lags, feedthrough=fitting.feedthrough)
     most = max(1, int((data.count * p / VALUES_PER_COEFFICIENT - m * p) / (m + p)))
     upper = min(max(ORDERS_TRIED, round(1.5 * central)), LAGS_MOST, most, len(states.s))
     lower = 1 if upper <= ORDERS_TRIED else min(max(central // 2, 1), upper)

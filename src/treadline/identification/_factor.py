@@ -16,12 +16,11 @@ from treadline.identification._limits import ROUNDING
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Factor:
-    """Cholesky factor L of the past and products with it, for r channels of which the first m are inputs."""
+    """Products with the Cholesky factor L of the past, for r channels of which the first m are inputs."""
 
     m: int
     lags: int
     """Largest number of lags with well-excited regressors."""
-    L: Float[np.ndarray, "w w"]
     predicted: Float[np.ndarray, "w r"]
     """Projection of z_k on the past: L⁻¹X'z_k."""
     now: Float[np.ndarray, "r r"]
@@ -39,22 +38,18 @@ class Factor:
         sound = np.minimum.accumulate(pivots) > np.sqrt(ROUNDING) * np.maximum.accumulate(pivots)
         stand = len(sound) if sound.all() else int(np.argmin(sound))
         width = 1 + r * max((stand - 1) // r, 0)
-        L = np.asfortranarray(L[:width, :width])
-        predicted = lapack.dtrtrs(L, rows[:width, 1 : 1 + r], lower=1)[0]
-        return cls(m=m, lags=width // r, L=L, predicted=predicted, now=sums[1 : 1 + r, 1 : 1 + r])
-
-    def residual_ss(self, lags: range) -> Float[np.ndarray, "P r r"]:
-        """Return the residual sums of products of z_k after regression on the past, for each number of lags."""
-        r = len(self.now)
-        if len(lags) == 1:
-            seen = self.predicted[: 1 + r * lags[0]]
-            return np.asarray(self.now - seen.T @ seen)[None]
-        squares = np.cumsum(self.predicted[:, :, None] * self.predicted[:, None, :], axis=0)
-        return np.asarray(self.now - squares[[r * p for p in lags]])
+        predicted = lapack.dtrtrs(np.asfortranarray(L[:width, :width]), rows[:width, 1 : 1 + r], lower=1)[0]
+        return cls(m=m, lags=width // r, predicted=predicted, now=sums[1 : 1 + r, 1 : 1 + r])
 
     def residuals(self, lags: range) -> tuple[Float[np.ndarray, "2 P p p"], Bool[np.ndarray, " P"]]:
         """Return the outputs' residual sums of squares without and with u_k, and whether u_k is excited beyond its past."""
-        residual_ss, m = self.residual_ss(lags), self.m
+        m, r = self.m, len(self.now)
+        if len(lags) == 1:
+            seen = self.predicted[: 1 + r * lags[0]]
+            residual_ss = (self.now - seen.T @ seen)[None]
+        else:
+            squares = np.cumsum(self.predicted[:, :, None] * self.predicted[:, None, :], axis=0)
+            residual_ss = self.now - squares[[r * p for p in lags]]
         excited = np.linalg.eigvalsh(residual_ss[:, :m, :m])[:, 0] > ROUNDING * self.now[0, 0]
         residual_ss[~excited, :m, :m] = np.eye(m)
         without = residual_ss[:, m:, m:]

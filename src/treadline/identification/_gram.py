@@ -229,20 +229,15 @@ def add_windows(z: Float[np.ndarray, "T r"], lags: int, into: Float[np.ndarray, 
     into[1:, 0] += constant
 
 
-def gram(record: InputOutputRecord, lags: int, units: Units, *, solver: str = "gram") -> Gram:
-    """Return the Gram matrix of one experiment.
+def gram_of(records: Sequence[InputOutputRecord], lags: int, units: Units, *, solver: str = "gram") -> Gram:
+    """Return the Gram matrix of one or more experiments.
 
     Args:
-        record: Inputs and outputs.
+        records: Experiments.
         lags: Number of past samples in a window.
         units: Offset and scale of each channel.
         solver: ``gram`` for normal equations, ``qr`` for orthogonal transformations (ten times slower, full precision).
     """
-    return gram_of([record], lags, units, solver=solver)
-
-
-def gram_of(records: Sequence[InputOutputRecord], lags: int, units: Units, *, solver: str = "gram") -> Gram:
-    """Return the Gram matrix of several experiments."""
     builder = GramBuilder(lags, units, records[0].dt_s, solver=solver)
     for record in records:
         builder.begin()

@@ -14,17 +14,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from treadline.core import linear_systems
-from treadline.core.arrays import finite_or_none
+from treadline.core.arrays import finite_or_none, spectral_radius
 from treadline.core.model_scores import TESTED_SAMPLES_MIN, Comparison, compare
 from treadline.core.models import EXPLAINED, InputOutputRecord, LinearModel
 from treadline.core.printing import Printable, p_text, percent_text, plain
-from treadline.core.transfer_function import is_unstable, spectral_radius
+from treadline.core.transfer_function import is_unstable
 from treadline.identification._affine import of_model
 from treadline.identification._belts import DifferentialInput, turn_channels
 from treadline.identification._checks import FEW_SAMPLES, excitation_order, insufficient_excitation
 from treadline.identification._dead_time import without_delays
-from treadline.identification._dependent_inputs import DriveLog
-from treadline.identification._drive_log import LogFindings, examine
+from treadline.identification._drive_log import DriveLog, LogFindings, examine
 from treadline.identification._era import HankelSvd
 from treadline.identification._fitting import CandidateScore, FittedSystem, Fitting
 from treadline.identification._gram import Gram, units_of
@@ -344,7 +343,7 @@ class Identified(Printable):
     def _validation_warnings(self, report: IdentificationReport) -> list[str]:
         """Return the warnings on stability, fit and residuals."""
         found = []
-        radius = spectral_radius(self.model)
+        radius = spectral_radius(self.model.A)
         if is_unstable(self.model):
             found.append(
                 f"the model is unstable (spectral radius {radius:.4f}): closed-loop or drifting data? give --stable if the plant "

@@ -129,19 +129,16 @@ def _coefficients(whole: Gram, choices: Sequence[tuple[int, bool]]) -> Float[np.
     return np.array([float((1 + m * has_d + lags * r) * (r - m)) for lags, has_d in choices])
 
 
-def bic_order(
-    data: Gram, states: StateMap, lags: int, *, feedthrough: bool, most: int = LAGS_MOST, allowed: Sequence[int] | None = None
-) -> int:
+def bic_order(data: Gram, states: StateMap, lags: int, *, feedthrough: bool, allowed: Sequence[int] | None = None) -> int:
     """Return the order of PBSID's state map with the smallest BIC.
 
     A gap identifies an order that stands out; singular values of measured data mostly decay without a gap.
 
     Args:
-        most: Largest order tried.
-        allowed: Orders to choose from; any up to ``most`` when None.
+        allowed: Orders to choose from; any up to ``LAGS_MOST`` when None.
     """
     m, p = data.units.input_count, len(data.units.scale) - data.units.input_count
-    most = min(most if allowed is None else max(allowed), len(states.s))
+    most = min(LAGS_MOST if allowed is None else max(allowed), len(states.s))
     residual_ss = innovations(data, states, most, lags, feedthrough=feedthrough)
     floor = 1e-20 * p  # residuals below rounding count as equal
     values = np.maximum(np.linalg.eigvalsh(0.5 * (residual_ss + residual_ss.transpose(0, 2, 1))), floor)

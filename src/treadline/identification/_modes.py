@@ -44,18 +44,12 @@ class Modes:
 
     poles: Num[np.ndarray, " n"]
     V: Num[np.ndarray, "n n"]
-    W: Num[np.ndarray, "n n"]
-    """Inverse of V."""
     C: Complex[np.ndarray, "p n"]
 
     @property
     def upper(self) -> Bool[np.ndarray, " n"]:
         """Mask of the real poles and the first of each conjugate pair."""
         return np.asarray(self.poles.imag >= 0.0)
-
-    def filtered(self, x: Float[np.ndarray, "T k"]) -> Complex[np.ndarray, "T h k"]:
-        """Return the states of f⁺ = λf + x from zero for each upper pole and each column."""
-        return np.asarray(pole_filters(self.poles[self.upper].astype(complex), np.ascontiguousarray(x, dtype=complex)))
 
 
 def modes_of(system: Affine) -> Modes | None:
@@ -69,7 +63,7 @@ def modes_of(system: Affine) -> Modes | None:
         return None
     if not np.vdot(V, V).real * np.vdot(W, W).real < ILL_CONDITIONED**2:
         return None
-    return Modes(poles=poles, V=V, W=W, C=(system.C @ V).astype(complex))
+    return Modes(poles=poles, V=V, C=(system.C @ V).astype(complex))
 
 
 Normal = tuple[Num[np.ndarray, "d d"], Num[np.ndarray, " d"]]
@@ -78,37 +72,32 @@ Normal = tuple[Num[np.ndarray, "d d"], Num[np.ndarray, " d"]]
 
 def linear_sums(modes: Modes, item: Experiment) -> Normal:
     """Return the normal equations for modal B (n, m1) and D (p, m1); the initial state is eliminated."""
-    square, right = _products(modes, item, [modes.filtered(item.u), _decays(modes, len(item.u))], item.u, item.y)
-    n, m1 = len(modes.poles), item.u.shape[1]
-    return _eliminated(square, right, slice(n * m1, n * m1 + n))
-
-
-def _decays(modes: Modes, steps: int) -> Complex[np.ndarray, "T h 1"]:
-    """Return the powers λ^k of the upper poles: the response to an initial state."""
-    powers = np.tile(modes.poles[modes.upper].astype(complex), (steps, 1))
+    upper = modes.poles[modes.upper].astype(complex)
+    filtered = pole_filters(upper, np.ascontiguousarray(item.u, dtype=complex))
+    # The response to an initial state: the powers λ^k.
+    powers = np.tile(upper, (len(item.u), 1))
     powers[0] = 1.0
-    return np.cumprod(powers, axis=0)[:, :, None]
+    square, right = _products(modes, item, [filtered, np.cumprod(powers, axis=0)[:, :, None]])
+    n, m1 = len(modes.poles), item.u.shape[1]
+    # The Schur complement eliminates the initial state's columns.
+    start = slice(n * m1, n * m1 + n)
+    kept = np.delete(np.arange(len(right)), start)
+    cross = square[kept, start] @ inverse(square[start, start])
+    return square[np.ix_(kept, kept)] - cross @ square[start][:, kept], right[kept] - cross @ right[start]
 
 
-def _products(
-    modes: Modes,
-    item: Experiment,
-    groups: Sequence[Complex[np.ndarray, "T h _"]],
-    u: Float[np.ndarray, "T _"],
-    e: Float[np.ndarray, "T p"],
-) -> Normal:
-    """Return J'J and J'e for columns of all modes, first those that act on all outputs through C, then those on one output each.
+def _products(modes: Modes, item: Experiment, groups: Sequence[Complex[np.ndarray, "T h _"]]) -> Normal:
+    """Return J'J and J'y for columns of all modes, first those that act on all outputs through C, then inputs on one output each.
 
     Args:
         modes: Modal decomposition.
         item: Samples.
         groups: Columns of the upper poles that act through C.
-        u: Columns that act on each output by itself.
-        e: Residuals.
     """
-    upper = np.hstack([group.reshape(len(e), -1) for group in groups])
+    u, y = item.u, item.y
+    upper = np.hstack([group.reshape(len(y), -1) for group in groups])
     half = upper.shape[1]
-    signals = np.hstack([upper.real, upper.imag, u, e])
+    signals = np.hstack([upper.real, upper.imag, u, y])
     if not item.there.all():
         signals = signals[item.there]
     first, columns = np.cumsum([0, *(group[0].size for group in groups)]), np.cumsum(modes.upper) - 1
@@ -117,13 +106,13 @@ def _products(
         for start, group in zip(first[:-1], groups, strict=True)
     ])  # fmt: skip
     signs = np.concatenate([np.repeat(np.where(modes.upper, 1.0, -1.0), group.shape[2]) for group in groups])
-    rest = np.zeros(u.shape[1] + e.shape[1], dtype=int)
+    rest = np.zeros(u.shape[1] + y.shape[1], dtype=int)
     real, imag = np.concatenate([at, np.arange(2 * half, signals.shape[1])]), np.concatenate([half + at, rest])
     turn = 1j * np.concatenate([signs, rest])
     G = signals.T @ signals
     P = G[real] - turn[:, None] * G[imag]
     P = P[:, real] + turn * P[:, imag]
-    s, p = sum(group.shape[2] for group in groups) * len(modes.poles), e.shape[1]
+    s, p = sum(group.shape[2] for group in groups) * len(modes.poles), y.shape[1]
     w = len(real) - s - p
     C = modes.C[:, np.concatenate([np.repeat(np.arange(len(modes.poles)), group.shape[2]) for group in groups])]
     a, b, last = slice(0, s), slice(s, s + w), slice(s + w, None)
@@ -133,13 +122,6 @@ def _products(
     square[s:, :s] = square[:s, s:].conj().T
     square[s:, s:] = np.kron(np.eye(p), P[b, b])
     return square, np.concatenate([np.einsum("os,so->s", C.conj(), P[a, last]), P[b, last].T.ravel()])
-
-
-def _eliminated(square: Complex[np.ndarray, "w w"], right: Complex[np.ndarray, " w"], start: slice) -> Normal:
-    """Return the normal equations with the initial state's columns eliminated (Schur complement)."""
-    kept = np.delete(np.arange(len(right)), start)
-    cross = square[kept, start] @ inverse(square[start, start])
-    return square[np.ix_(kept, kept)] - cross @ square[start][:, kept], right[kept] - cross @ right[start]
 
 
 def with_inputs_again(system: Affine, experiments: Sequence[Experiment], fixed: Bool[np.ndarray, "p m1"]) -> Affine:

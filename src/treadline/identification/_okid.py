@@ -92,17 +92,16 @@ def residuals_by_lags(data: Gram, lags: range, kinds: Sequence[bool]) -> Float[n
     return np.array([[regression(data, p, feedthrough=has_d).squares for p in lags] for has_d in kinds])
 
 
-def observer_markov(data: Gram, lags: int | None = None, *, feedthrough: bool = True) -> ObserverMarkov:
+def observer_markov(data: Gram, *, feedthrough: bool = True) -> ObserverMarkov:
     """Return the observer's Markov parameters by least squares, in the record's units.
 
     Paper: Eq. (9a), (9b).
 
     Args:
-        data: Gram matrix of the records.
-        lags: Number of lags, at most those of the Gram matrix; all of them when left out.
+        data: Gram matrix of the records; all its lags are used.
         feedthrough: Whether to include D.
     """
-    scaled, units = scaled_observer(data, lags, feedthrough=feedthrough), data.units
+    scaled, units = scaled_observer(data, data.lags, feedthrough=feedthrough), data.units
     m, into, out = units.input_count, units.input_scale, units.output_scale
     D = scaled.D * out[:, None] / into
     alpha, beta = scaled.alpha * out[:, None] / into, scaled.beta * out[:, None] / out
@@ -117,9 +116,8 @@ def observer_markov(data: Gram, lags: int | None = None, *, feedthrough: bool = 
     )
 
 
-def scaled_observer(data: Gram, lags: int | None = None, *, feedthrough: bool = True) -> ObserverMarkov:
+def scaled_observer(data: Gram, lags: int, *, feedthrough: bool) -> ObserverMarkov:
     """Return the observer's Markov parameters in standard deviations, about the means (see ``observer_markov``)."""
-    lags = data.lags if lags is None else lags
     found = regression(data, lags, feedthrough=feedthrough)
     m, r = data.units.input_count, len(data.units.scale)
     p = r - m

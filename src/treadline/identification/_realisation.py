@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.arrays import observability
+from treadline.core.arrays import observability, spectral_radius
 from treadline.core.errors import PoorExcitation
 from treadline.identification._affine import Affine
 from treadline.identification._era import RANK_MOST, HankelSvd, realise
@@ -87,8 +87,7 @@ def observer_gain(
     response = unroll(np.eye(p), np.zeros_like(observer.beta), observer.beta, steps)
     O = observability(A, C, steps - 1).reshape(-1, A.shape[0])
     gain = np.linalg.lstsq(O, response[1:].reshape(-1, p), rcond=None)[0]
-    stable = float(np.abs(np.linalg.eigvals(A - gain @ C)).max()) < 1.0
-    return np.asarray(gain) if stable else None
+    return np.asarray(gain) if spectral_radius(A - gain @ C) < 1.0 else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

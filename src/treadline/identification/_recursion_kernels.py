@@ -1,9 +1,4 @@
-"""Compiled loops of identification: recursions in time that array operations cannot express.
-
-``no_type_check`` keeps the tests' shape checker from wrapping functions compiled by numba.
-"""
-
-from typing import no_type_check
+"""Compiled loops of identification: recursions in time that array operations cannot express."""
 
 import numpy as np
 
@@ -11,7 +6,6 @@ from treadline.core.kernel_cache import njit
 
 
 @njit(cache=True)
-@no_type_check
 def slide(first, head, tail, into):
     """Add the Gram matrix of windows with a given first block row.
 
@@ -37,7 +31,6 @@ def slide(first, head, tail, into):
 
 
 @njit(cache=True)
-@no_type_check
 def normalise(u, y, shift, scale, z):
     """Write the normalised (u, y) into z; return the number of samples with a non-finite value."""
     m, p, gaps = u.shape[1], y.shape[1], 0
@@ -51,7 +44,6 @@ def normalise(u, y, shift, scale, z):
 
 
 @njit(cache=True)
-@no_type_check
 def column_moments(x, about, into):
     """Add count, sum and sum of squares of each column about a value to ``into``; NaN values are left out."""
     for t in range(len(x)):
@@ -64,7 +56,6 @@ def column_moments(x, about, into):
 
 
 @njit(cache=True)
-@no_type_check
 def unroll(direct, alpha, beta, count):
     """Return the Markov parameters Y_0 = D, Y_k = α_k + Σ β_i Y_{k-i}."""
     lags, p, m = alpha.shape
@@ -82,7 +73,6 @@ def unroll(direct, alpha, beta, count):
 
 
 @njit(cache=True, fastmath={"contract", "reassoc", "nsz"})
-@no_type_check
 def tangents(S, dS, u):
     """Return the derivatives of the outputs (N, p, d) of a free run [x⁺; y] = S [x; u] from zero along directions.
 
@@ -116,7 +106,6 @@ def tangents(S, dS, u):
 
 
 @njit(cache=True)
-@no_type_check
 def pole_filters(poles, x):
     """Return the states of f⁺ = λf + x from zero for each pole and each column: (N, poles, columns)."""
     steps, k = x.shape

@@ -9,10 +9,10 @@ from itertools import chain
 import numpy as np
 
 from treadline.core.errors import PoorExcitation, SettingsError
-from treadline.core.linear_systems import joined_in_time, most_recent
+from treadline.core.linear_systems import most_recent
 from treadline.core.models import InputOutputRecord
 from treadline.identification._checks import channel_names, check_alike, check_gaps, check_records, gaps_in
-from treadline.identification._dependent_inputs import DriveLog
+from treadline.identification._drive_log import DriveLog
 from treadline.identification._from_gram import from_gram
 from treadline.identification._gram import GramBuilder, Units
 from treadline.identification._identified import Identified
@@ -136,5 +136,6 @@ def _start(chunks: Iterator[_Chunk], lags: int | None, order: int | None) -> tup
 def _with(records: list[InputOutputRecord], chunk: _Chunk) -> list[InputOutputRecord]:
     """Return the parts of experiments extended by one chunk."""
     if chunk.goes_on and records:
-        return [*records[:-1], joined_in_time([records[-1], chunk.record])]
+        last, new = records[-1], chunk.record
+        return [*records[:-1], replace(last, u=np.vstack([last.u, new.u]), y=np.vstack([last.y, new.y]))]
     return [*records, chunk.record]

@@ -15,7 +15,7 @@ from treadline.identification._affine import Affine, stabilised
 from treadline.identification._belts import find_differential_input
 from treadline.identification._checks import channel_names, check_alike, check_independent, units_of_moving
 from treadline.identification._dead_time import dead_time, without_delays
-from treadline.identification._dependent_inputs import DriveLog, without_dependent_inputs
+from treadline.identification._drive_log import DriveLog, without_dependent_inputs
 from treadline.identification._fitting import FittedSystem
 from treadline.identification._from_gram import data_of, from_gram
 from treadline.identification._gram import Gram, gram_of, units_of

@@ -23,7 +23,7 @@ from treadline.core.rotations import Vector3
 from treadline.perception._gravity_direction import gravity_variance
 from treadline.perception._irregularity import posterior_weights
 from treadline.perception._nuisance import SIZES as WARPS
-from treadline.perception._nuisance import reach_of, turns_of_lines, turns_of_surfaces
+from treadline.perception._nuisance import turns_of_lines, turns_of_surfaces
 from treadline.perception._nuisance_kernels import normal_equations
 from treadline.perception._plane_segmentation import Surface
 from treadline.perception._step_parts import Axes, NosingObservation, axes_about
@@ -239,7 +239,7 @@ def _steps_ahead(nosings: Sequence[NosingObservation], camera: PinholeCamera, ah
     """Return the number of steps from the chair to each nosing."""
     steps, places = np.array([nosing.step for nosing in nosings]), np.array([nosing.ahead_m for nosing in nosings])
     run_m = np.ptp(places) / max(np.ptp(steps), 1) or 1.0
-    return (places + reach_of(camera, ahead)) / run_m
+    return (places + float(np.array(camera.mount_m) @ camera.R_BC @ ahead)) / run_m
 
 
 def _normals(

@@ -195,10 +195,12 @@ def bow_of(
     known = np.isfinite(variances)
     if not known.any():
         return Bow(curvature_1_m=0.0, sigma_1_m=math.inf, seen_aside_m=0.0)
-    pooled = pooled_mean(curvatures[known], variances[known], np.zeros(np.count_nonzero(known), dtype=bool), STEP_BOWS)
+    curvature_1_m, sigma_1_m = pooled_mean(
+        curvatures[known], variances[known], np.zeros(np.count_nonzero(known), dtype=bool), STEP_BOWS
+    )
     return Bow(
-        curvature_1_m=pooled.mean,
-        sigma_1_m=math.hypot(pooled.sigma, CAMERA_BOW),
+        curvature_1_m=curvature_1_m,
+        sigma_1_m=math.hypot(sigma_1_m, CAMERA_BOW),
         seen_aside_m=float(np.average(middles[known], weights=1.0 / variances[known])),
     )
 

@@ -1,7 +1,6 @@
 """Column loops over matched surfaces, compiled: what follows at their sides, and the profiles of their edges."""
 
 import math
-from typing import no_type_check
 
 import numpy as np
 
@@ -13,7 +12,6 @@ ROWS = 9
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def sides_of(nearness, columns, upper, lower, stops, planes, right, look, jump, baseline, pinhole):
     """Return the lateral place of the first and last column of each surface, and whether it ends at a wall or openly there.
 
@@ -68,7 +66,6 @@ def sides_of(nearness, columns, upper, lower, stops, planes, right, look, jump, 
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def profiles_of(nearness, columns, upper, lower, ends, follows, stops, planes, faces, ahead, right, bin_m, bins, pinhole):
     """Return how far ahead the edge of each surface lies in bins across the flight, and the number of columns in each.
 

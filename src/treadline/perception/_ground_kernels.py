@@ -4,15 +4,12 @@ Each pixel says something about the point at which its ray meets the ground's he
 if it lies higher or has no depth, nothing is known of that point. ``pinhole`` is fx, fy, cx, cy in pixels.
 """
 
-from typing import no_type_check
-
 import numpy as np
 
 from treadline.core.kernel_cache import njit
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def scan(depth, step, pinhole, view, start, half, clear, limits, seen, standing):
     """Return where the ground ends in each image column, and count pixels of ground and of what stands on it.
 

@@ -8,8 +8,6 @@ it decreasing. Since perfection applies to all three sizes or none, nosings that
 component: treads and depth would have to agree as well.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -19,22 +17,14 @@ TURNS = np.geomspace(0.003 * DEG, 2.0 * DEG, 18)
 """Grid of the irregularity: standard deviation of the surfaces' angles [rad]."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PooledMean:
-    """Estimate of a common value."""
-
-    mean: float
-    sigma: float
-
-
 def pooled_mean(
     values: Float[np.ndarray, " k"],
     variances: Float[np.ndarray, " k"],
     regular: Bool[np.ndarray, " k"],
     sizes: Float[np.ndarray, " g"] = TURNS,
     common: Float[np.ndarray, " k"] | float = 0.0,
-) -> PooledMean:
-    """Return the pooled mean of values with known noise and an unknown common irregularity.
+) -> tuple[float, float]:
+    """Return the pooled mean of values with known noise and an unknown common irregularity, and its standard deviation.
 
     Args:
         regular: Mask of measurements without irregularity: gravity.
@@ -52,7 +42,7 @@ def pooled_mean(
     residual = (precision * off**2).sum(axis=1) - kept * (shared * off).sum(axis=1) ** 2
     belief = posterior_weights(-0.5 * (np.log(spread).sum(axis=1) - np.log(kept) + np.log(total) + residual))
     mean = float(belief @ means)
-    return PooledMean(mean=mean, sigma=float(np.sqrt(belief @ (1.0 / total + (means - mean) ** 2))))
+    return mean, float(np.sqrt(belief @ (1.0 / total + (means - mean) ** 2)))
 
 
 def posterior_weights(log_likelihood: Float[np.ndarray, "*g"]) -> Float[np.ndarray, "*g"]:

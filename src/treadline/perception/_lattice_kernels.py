@@ -10,7 +10,6 @@ values have an infinite variance.
 """
 
 import math
-from typing import no_type_check
 
 import numpy as np
 
@@ -28,8 +27,8 @@ ANY_RISE_M, ANY_RUN_M = (
     (sum(limits) / len(limits), (limits[1] - limits[0]) / math.sqrt(12)) for limits in (SEARCHED_RISE_M, SEARCHED_RUN_M)
 )
 """Mean and standard deviation of rise and run of other steps [m]: those of uniform distributions over the searched ranges."""
-UNUSUAL = 0.05
-"""Prior probability of a flight of other than usual size: stands, terraces, climbing frames."""
+UNUSUAL_LOG_ODDS = math.log(0.05 / 0.95)
+"""Logarithm of the prior odds of a flight of other than usual size: stands, terraces, climbing frames."""
 RISE_IRREGULAR_M, RUN_IRREGULAR_M = 0.006, 0.008
 """Standard deviation of a nosing from the lattice, height and place [m]: building codes allow 5 to 10 mm between steps."""
 RISE_GAP_M, RUN_GAP_M = 0.57, 1.17
@@ -66,18 +65,15 @@ FITS = 2
 NONE = -1000
 """Step number of a part outside the lattice."""
 LOG_2PI = math.log(math.tau)
-UNUSUAL_LOG_ODDS = math.log(UNUSUAL / (1.0 - UNUSUAL))
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def _add(sums, k, kind, value, variance):
     sums[k + LAST, kind, 0] += 1.0 / variance
     sums[k + LAST, kind, 1] += value / variance
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def _assign(treads, risers, rise, run, x0, z0, of_tread, front_on, of_riser, heights, places, spans):
     """Assign parts to steps, and sum their heights and places.
 
@@ -143,7 +139,6 @@ def _assign(treads, risers, rise, run, x0, z0, of_tread, front_on, of_riser, hei
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def _nodes(sums, offset_sigma, irregular, first, last, values, variances):
     """Fill value and variance of each step from both kinds of parts; the second has a common unknown offset to the first."""
     weight, off = 1.0 / offset_sigma**2, 0.0
@@ -162,7 +157,6 @@ def _nodes(sums, offset_sigma, irregular, first, last, values, variances):
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def _line_sums(values, variances, sums):
     """Fill ``sums`` with the weighted sums of evenly spaced values over their step numbers, and the number of values.
 
@@ -183,7 +177,6 @@ def _line_sums(values, variances, sums):
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def _line_evidence(sums, prior, gap, solution):
     """Return the log-evidence of evenly spaced values against independent ones within a gap of each other.
 
@@ -206,7 +199,6 @@ def _line_evidence(sums, prior, gap, solution):
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def _group(heights, places, spans, bounds):
     """Fill ``bounds`` with first and last step of the group in view with most heights and places."""
     best, count, first, last = 0, 0, 0, -2 * LAST
@@ -232,7 +224,6 @@ def _group(heights, places, spans, bounds):
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def _is_step(rise, run):
     """Return whether a step has dimensions within the searched ranges."""
     return (
@@ -243,7 +234,6 @@ def _is_step(rise, run):
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def _fit(treads, risers, lattice, of_tread, front_on, of_riser, room):
     """Assign parts to a lattice, and fit it to them; return the log-evidence, -inf with fewer than two heights or places.
 
@@ -271,7 +261,6 @@ def _fit(treads, risers, lattice, of_tread, front_on, of_riser, room):
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def best_lattice(points, treads, risers, nearness, pinhole, axes, of_tread, front_on, of_riser):
     """Return the staircase with the most evidence of those that pairs of points propose; NaN evidence without one.
 
@@ -322,7 +311,6 @@ def best_lattice(points, treads, risers, nearness, pinhole, axes, of_tread, fron
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def _is_hidden(along, height, rise, run, x0, z0, last):
     """Return whether steps up to the last one of a lattice hide a point from the camera, which is at the origin."""
     if along > 0.0:
@@ -337,7 +325,6 @@ def _is_hidden(along, height, rise, run, x0, z0, last):
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def _contradictions(nearness, pinhole, axes, lattice, bounds, spans):
     """Return the log-probability of the treads that would be in view where the depth image shows something else.
 

@@ -87,11 +87,6 @@ def stretch_of(points: Float[np.ndarray, "k 3"], camera: PinholeCamera) -> Float
     return z[:, None] * _warps(camera.fx_px * x / z + camera.cx_px, camera.fy_px * y / z + camera.cy_px, camera)
 
 
-def reach_of(camera: PinholeCamera, ahead: Float[np.ndarray, " 3"]) -> float:
-    """Return the distance of the camera ahead of the chair's origin along a direction in C [m]."""
-    return float(np.array(camera.mount_m) @ camera.R_BC @ ahead)
-
-
 def _sampled(surface: Surface, camera: PinholeCamera) -> list[Float[np.ndarray, " p"]]:
     """Return columns, top and bottom rows that represent a surface; with unknown ends it is assumed to fill the image."""
     columns, top, bottom = surface.upper.columns, surface.upper.rows, surface.lower.rows

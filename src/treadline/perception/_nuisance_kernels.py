@@ -1,7 +1,6 @@
 """Normal equations under many covariances, compiled."""
 
 import math
-from typing import no_type_check
 
 import numpy as np
 
@@ -9,7 +8,6 @@ from treadline.core.kernel_cache import njit
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def normal_equations(noise, shared, squares, right):
     """Return -½ log |S| and rightᵀ S⁻¹ right for each covariance S = diag(noise) + Σ_m squares[g, m] shared[m].
 

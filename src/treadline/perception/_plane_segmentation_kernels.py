@@ -5,7 +5,6 @@ fx, fy, cx, cy in pixels. The ten sums over some pixels are those of 1, x, y, x�
 """
 
 import math
-from typing import no_type_check
 
 import numpy as np
 
@@ -31,7 +30,6 @@ CREASE, BEYOND, BEFORE, UNKNOWN = 0, 1, 2, 3
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def pooled(depth, side, jump):
     """Return the median depth of the valid pixels of each ``side × side`` square; NaN without any.
 
@@ -62,7 +60,6 @@ def pooled(depth, side, jump):
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def _add_column(sums, x, n, y, yy, w, yw, ww):
     """Add sums over pixels of one column, whose x is constant."""
     sums[0] += n
@@ -78,7 +75,6 @@ def _add_column(sums, x, n, y, yy, w, yw, ww):
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def cells_of(depth, size, pinhole, near, far):
     """Return w = 1/Z of each pixel, the sums over the pixels of ``size × size`` cells, and the fractions of copies among them.
 
@@ -121,7 +117,6 @@ def cells_of(depth, size, pinhole, near, far):
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def fit_plane(s, plane):
     """Fill ``plane`` with n; return the RMS residual of w and the relative standard deviation of n; NaN without a fit."""
     n = s[0]
@@ -143,7 +138,6 @@ def fit_plane(s, plane):
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def _sum_block(cells, i, j, height, total):
     """Fill ``total`` with the sums over ``height × 2`` cells."""
     for k in range(10):
@@ -153,7 +147,6 @@ def _sum_block(cells, i, j, height, total):
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def block_fits(cells, full):
     """Return for each block of 2×2 cells n, RMS residual [1/m], standard deviation of the normal, contrast and mean of w.
 
@@ -182,7 +175,6 @@ def block_fits(cells, full):
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def plane_blocks(cells, fits, full, residual_limit, turn_limit):
     """Return the blocks of 2×2 cells on one plane, and blocks of 1×2 cells where no larger one fits.
 
@@ -230,7 +222,6 @@ def plane_blocks(cells, fits, full, residual_limit, turn_limit):
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def _common_plane(sums, run, limit, inside, plane):
     """Fit one plane to the blocks of a run, starting with those ``inside``; return the number of blocks on it.
 
@@ -255,7 +246,6 @@ def _common_plane(sums, run, limit, inside, plane):
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def planes_along(sums, centres, chosen, direction, gap, least, limit):
     """Return the planes among blocks, separated by their level along a direction, the largest first in each run of blocks.
 
@@ -307,7 +297,6 @@ def planes_along(sums, centres, chosen, direction, gap, least, limit):
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def _fullest(levels, gap):
     """Return start and end of the largest group of increasing levels within a gap."""
     start = end = stop = 0
@@ -320,7 +309,6 @@ def _fullest(levels, gap):
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def mean_square(s, plane):
     """Return the mean squared residual of w of some pixels about a plane."""
     a, b, c = plane[0], plane[1], plane[2]
@@ -329,7 +317,6 @@ def mean_square(s, plane):
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def solved_plane(s, plane, inverse):
     """Fill ``plane`` with n and ``inverse`` with the inverse of its normal equations; return the mean squared residual.
 
@@ -347,7 +334,6 @@ def solved_plane(s, plane, inverse):
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def _ending(near, v, way, ys, level, slope, jump):
     """Return the code for the surroundings of a surface's end at row ``v``, upwards (-1) or downwards (1).
 
@@ -384,7 +370,6 @@ def _ending(near, v, way, ys, level, slope, jump):
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def surfaces(nearness, members, stops, places, size, planes, squares, tolerance, sigmas, jump, pinhole):
     """Return the surfaces of some planes, each fitted to all of its pixels, with its ends in each column of the image.
 
@@ -457,7 +442,6 @@ def surfaces(nearness, members, stops, places, size, planes, squares, tolerance,
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def _longest(near, start, stop, ys, level, slope, off):
     """Return first and last row and number of pixels of the longest run on a plane in a column; short gaps do not end a run."""
     begin, end, best = -1, -1, 0
@@ -476,14 +460,12 @@ def _longest(near, start, stop, ys, level, slope, off):
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def along(point, direction):
     """Return the coordinate of a point along a direction, rounded as by BLAS for a row of points."""
     return fused(point[2], direction[2], fused(point[0], direction[0], point[1] * direction[1]))
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def span(points, members, direction):
     """Return the range of some of many points along a direction."""
     low, high = np.inf, -np.inf
@@ -494,7 +476,6 @@ def span(points, members, direction):
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def fit_line(u, v, near, line):
     """Fill ``line`` with the line v = v₀ + a (u - u₀) through most points; return the number of points on it.
 
@@ -541,14 +522,12 @@ def fit_line(u, v, near, line):
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def _in_view(rows, follows, height):
     """Return the mask of columns in which neither an object in front nor the image border ends a surface."""
     return (follows != BEFORE) & (rows >= BORDER_PX) & (rows < height - BORDER_PX)
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def nosing_line(columns, rows, follows, plane, height, near, least, aliasing, pinhole):
     """Return the line at a surface's end before a larger depth or at a corner, and the plane through line and camera centre.
 
@@ -606,7 +585,6 @@ def nosing_line(columns, rows, follows, plane, height, near, least, aliasing, pi
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def height_of_end(columns, rows, follows, plane, up, height, pinhole):
     """Return the median height of a surface's end; NaN if an object in front or the image border cuts off most of it.
 

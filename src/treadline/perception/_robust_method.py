@@ -249,9 +249,8 @@ class _Search:
             edge_count=len(flight.nosings),
             box_px=_box(self.camera, blocks, [*flight.risers, *flight.steps]),
             shape=shape,
-            stages=None,
             evidence=flight.evidence,
-            axes=None if flight.is_single else stair_axes_of(self.frame.t_s, level, shape, edge, sigma),
+            axes=None if flight.is_single else stair_axes_of(self.frame.t_s, level, shape, edge),
             parts=Parts(
                 risers=tuple(flight.risers),
                 treads=tuple(flight.treads),

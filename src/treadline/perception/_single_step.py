@@ -73,15 +73,13 @@ def single_step_in(scene: Scene, swept_half_m: float) -> Flight | None:
 def shape_of_single(flight: Flight) -> StairShape:
     """Return the dimensions of a single step, whose run is nominal."""
     sigma_m = math.sqrt(2.0) * TREAD_SIGMA_M
-    slope_sigma_rad = sigma_m / math.hypot(flight.rise_m, RUN_M)
     return StairShape(
         rise_m=flight.rise_m,
         run_m=RUN_M,
         slope_rad=math.atan2(flight.rise_m, RUN_M),
         rise_sigma_m=sigma_m,
         run_sigma_m=math.inf,
-        slope_sigma_rad=slope_sigma_rad,
-        plane_sigma_rad=slope_sigma_rad,
+        slope_sigma_rad=sigma_m / math.hypot(flight.rise_m, RUN_M),
         distance_m=flight.nosings[0].ahead_m,
         blind_m=flight.nosings[0].ahead_m,
         direction=flight.direction,

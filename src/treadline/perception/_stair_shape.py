@@ -52,8 +52,6 @@ class StairShape:
     run_sigma_m: float
     slope_sigma_rad: float
     """Standard deviation of the slope of the nosing plane, the error of the vertical included [rad]."""
-    plane_sigma_rad: float
-    """Standard deviation of the angle of the nosing plane in the camera frame, which has no error of the vertical [rad]."""
     distance_m: float
     """Horizontal distance from the camera to the nearest visible nosing, perpendicular to the nosing [m]."""
     blind_m: float
@@ -128,27 +126,19 @@ def axes_of(
     by_detours = float(np.mean(np.square(detours[1:]))) if flight.treads else 0.0
     variances[0] = gravity_variance(np.array(tilts[1:]), math.sqrt(down_sigma_rad**2 + by_detours)) - by_detours
     regular = np.arange(len(tilts)) == 0
-    tilt = pooled_mean(np.array(tilts), np.array(variances), regular, common=np.array(detours))
-    d = np.cos(tilt.mean) * d + np.sin(tilt.mean) * ahead
-    return Levelled(axes=Axes(ahead=cross(edge, d), up=-d, right=edge), down_sigma_rad=tilt.sigma)
+    tilt_rad, sigma_rad = pooled_mean(np.array(tilts), np.array(variances), regular, common=np.array(detours))
+    d = np.cos(tilt_rad) * d + np.sin(tilt_rad) * ahead
+    return Levelled(axes=Axes(ahead=cross(edge, d), up=-d, right=edge), down_sigma_rad=sigma_rad)
 
 
-def stair_axes_of(t_s: float, levelled: Levelled, shape: StairShape, edge: Vector3, edge_sigma_rad: float) -> StairAxes:
+def stair_axes_of(t_s: float, levelled: Levelled, shape: StairShape, edge: Vector3) -> StairAxes:
     """Return the stair's directions in C, for the calibration of the camera mount.
 
     Args:
         edge: Unit vector along the edges, to the chair's right.
     """
     axes = levelled.axes
-    return StairAxes(
-        t_s=t_s,
-        edge_C=edge,
-        down_C=-axes.up,
-        normal_C=shape.normal(axes),
-        edge_sigma_rad=edge_sigma_rad,
-        down_sigma_rad=levelled.down_sigma_rad,
-        normal_sigma_rad=shape.plane_sigma_rad,
-    )
+    return StairAxes(t_s=t_s, edge_C=edge, down_C=-axes.up, normal_C=shape.normal(axes), down_sigma_rad=levelled.down_sigma_rad)
 
 
 def shape_of(flight: Flight, blocks: PlanarBlocks, camera: PinholeCamera, levelled: Levelled, warp_px: float) -> StairShape:
@@ -161,8 +151,6 @@ def shape_of(flight: Flight, blocks: PlanarBlocks, camera: PinholeCamera, levell
     square = rise.mean_m**2 + run.mean_m**2
     common = (run.mean_m * rise.common_m - rise.mean_m * run.common_m) / square
     own = (run.mean_m**2 * rise.own_variance_m2 + rise.mean_m**2 * run.own_variance_m2) / square**2
-    # The angle of the nosing plane in the camera frame is the slope less the error of the vertical, which is the last one.
-    in_camera = common + np.append(np.zeros(common.size - 1), levelled.down_sigma_rad)
     slope_rad = math.atan2(rise.mean_m, run.mean_m)
     return StairShape(
         rise_m=rise.mean_m,
@@ -171,7 +159,6 @@ def shape_of(flight: Flight, blocks: PlanarBlocks, camera: PinholeCamera, levell
         run_sigma_m=run.sigma_m,
         slope_rad=slope_rad,
         slope_sigma_rad=math.sqrt(own + float(common @ common)),
-        plane_sigma_rad=math.sqrt(own + float(in_camera @ in_camera)),
         distance_m=flight.nosings[0].ahead_m,
         blind_m=_blind_m(flight, camera, levelled.axes, slope_rad if flight.direction == "up" else -slope_rad),
         direction=flight.direction,

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import UInt8
 
 from treadline.core.angles import DEG
 from treadline.core.camera_images import StairAxes
@@ -15,14 +15,8 @@ from treadline.perception._plane_segmentation import PlanarBlocks, Surface
 from treadline.perception._stair_shape import StairShape
 from treadline.perception._step_parts import NosingObservation
 
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Stages:
-    """Six stages of Fig. 5 as images, and the resulting line segments."""
-
-    pictures: tuple[UInt8[np.ndarray, "h w 3"], ...]
-    nosings_px: Float[np.ndarray, "n 4"]
-    """Ends u1, v1, u2, v2 of each merged edge, left end first [px]."""
+Stages = tuple[UInt8[np.ndarray, "h w 3"], ...]
+"""Six stages of Fig. 5 as images."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -45,15 +39,15 @@ class StairDetection(Printable):
     """Whether the frame alone shows a stair. An unconfirmed detection has a heading as well."""
     reason: str | None
     """Reason of the rejection, or why the detection is unconfirmed; None if accepted."""
-    heading_rad: float | None
-    sigma_rad: float | None
-    edge_direction_C: Vector3 | None
+    heading_rad: float | None = None
+    sigma_rad: float | None = None
+    edge_direction_C: Vector3 | None = None
     """Unit vector along the stair's edges in C, pointing to the chair's right."""
     edge_count: int
-    box_px: tuple[int, int, int, int] | None
+    box_px: tuple[int, int, int, int] | None = None
     """Smallest and largest column and row of the stair: u0, v0, u1, v1 [px]."""
-    shape: StairShape | None
-    stages: Stages | None
+    shape: StairShape | None = None
+    stages: Stages | None = None
     evidence: float | None = None
     """Log-evidence of a stair against a scene without one [nats]; None for a frame without even a candidate."""
     unconfirmed: bool = False
@@ -92,15 +86,4 @@ class StairDetection(Printable):
 
 def refused(reason: str, *, edge_count: int = 0, stages: Stages | None = None, evidence: float | None = None) -> StairDetection:
     """Return a result without a heading."""
-    return StairDetection(
-        accepted=False,
-        reason=reason,
-        heading_rad=None,
-        sigma_rad=None,
-        edge_direction_C=None,
-        edge_count=edge_count,
-        box_px=None,
-        shape=None,
-        stages=stages,
-        evidence=evidence,
-    )
+    return StairDetection(accepted=False, reason=reason, edge_count=edge_count, stages=stages, evidence=evidence)

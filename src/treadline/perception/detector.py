@@ -135,7 +135,8 @@ def _same_flight(known: StairShape, seen: StairShape) -> bool:
 
 def _check_size(name: str, image: np.ndarray, size: tuple[int, int]) -> None:
     if not isinstance(image, np.ndarray) or image.ndim < 2:
-        raise ImageError(f"{name} is no image but {_kind(image)}; its calibration is for {size[1]}×{size[0]} pixels")
+        kind = f"an array of shape {image.shape}" if isinstance(image, np.ndarray) else f"a {type(image).__name__}"
+        raise ImageError(f"{name} is no image but {kind}; its calibration is for {size[1]}×{size[0]} pixels")
     if 0 in size:
         raise ImageError(f"{name} has no pixels: {size[1]}×{size[0]}")
     if image.shape[:2] != size:
@@ -143,10 +144,6 @@ def _check_size(name: str, image: np.ndarray, size: tuple[int, int]) -> None:
             f"{name} is {image.shape[1]}×{image.shape[0]} pixels, its calibration is for {size[1]}×{size[0]}; scale fx, "
             "fy, cx and cy with the image"
         )
-
-
-def _kind(image: object) -> str:
-    return f"an array of shape {image.shape}" if isinstance(image, np.ndarray) else f"a {type(image).__name__}"
 
 
 def _measured(t_s: float, sight: StairDetection) -> HeadingMeasurement | None:

@@ -1,6 +1,7 @@
-"""Image of the robust detector's result: treads, risers, nosings, and the heading with its interval."""
+"""Pictures of a detection: treads, risers, nosings and the heading with its interval, and the stages of Algorithm 1."""
 
 import math
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -8,8 +9,10 @@ from jaxtyping import Float, UInt8
 
 from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
+from treadline.core.errors import ImageError
+from treadline.core.files import write_whole
 from treadline.perception._plane_segmentation import Surface
-from treadline.perception.detection import StairDetection
+from treadline.perception.detection import Stages, StairDetection
 
 Picture = UInt8[np.ndarray, "h w 3"]
 
@@ -52,6 +55,20 @@ def overlay(frame: RgbdFrame, sight: StairDetection) -> Picture:
         centre = WIDTH_PX - DIAL_PX - 20, picture.shape[0] - 20
         _dial(canvas, centre, sight.heading_rad, 1.96 * sight.sigma_rad)
     return canvas
+
+
+def write_stages(stages: Stages, folder: Path, prefix: str = "fig05") -> list[Path]:
+    """Write the six stages of Fig. 5 as ``PREFIX-1.png … -6.png``, each atomically."""
+    return [write_picture(picture, folder / f"{prefix}-{number}.png") for number, picture in enumerate(stages, start=1)]
+
+
+def write_picture(picture: Picture, path: Path) -> Path:
+    """Write an image (RGB) as a PNG file, atomically."""
+    done, data = cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
+    if not done:
+        raise ImageError(f"{path}: could not be written as PNG")
+    write_whole(path, data.tobytes())
+    return path
 
 
 def as_jpeg(picture: Picture, width_px: int | None = None) -> bytes:

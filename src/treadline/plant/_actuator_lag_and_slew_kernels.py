@@ -1,9 +1,4 @@
-"""Dynamics of the actuators, compiled: belts with brake, seat stroke, flipper target.
-
-``no_type_check`` prevents the shape checker of the tests from wrapping compiled functions.
-"""
-
-from typing import no_type_check
+"""Dynamics of the actuators, compiled: belts with brake, seat stroke, flipper target."""
 
 from treadline.core.kernel_cache import njit
 from treadline.core.signals import TICK_S
@@ -18,7 +13,6 @@ DRIVES = 14
 
 
 @njit(cache=True)
-@no_type_check
 def act(command, drives, state, seat, angles, flipper, flipper_angle):
     """Advance the actuators by a tick: ``state`` is changed in place.
 
@@ -55,7 +49,6 @@ def act(command, drives, state, seat, angles, flipper, flipper_angle):
 
 
 @njit(cache=True)
-@no_type_check
 def drive_belt(speed, asked, brake, limit, blend, step, brake_step):
     """Return the belt speed after one tick: first-order lag with acceleration limit; the brake acts without lag."""
     if brake:
@@ -66,7 +59,6 @@ def drive_belt(speed, asked, brake, limit, blend, step, brake_step):
 
 
 @njit(cache=True)
-@no_type_check
 def table(value, start, spacing, entries):
     """Return the linear interpolation in a table, constant beyond both ends."""
     place = (value - start) / spacing

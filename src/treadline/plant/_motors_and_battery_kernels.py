@@ -22,7 +22,6 @@ sum first, because a load exceeding the limit of one belt passes to the other; t
 """
 
 import math
-from typing import no_type_check
 
 from treadline.core.kernel_cache import njit
 from treadline.core.signals import TICK_S
@@ -46,14 +45,12 @@ LOCKED = 16.0
 
 
 @njit(cache=True)
-@no_type_check
 def beyond(value, low, high):
     """Return the signed excess of a value over an interval."""
     return value - min(max(value, low), high)
 
 
 @njit(cache=True)
-@no_type_check
 def bounds_of(side, speed, held, motor, electric):
     """Return the lowest and highest force of a belt's motor or brake."""
     if held:
@@ -64,7 +61,6 @@ def bounds_of(side, speed, held, motor, electric):
 
 
 @njit(cache=True)
-@no_type_check
 def load_of(side, motor, electric):
     """Return the load on a belt without the inertial force of the chair's mass due to the last changes of speed."""
     traction = 0.5 * (electric[TRACTION + side] + electric[OLD_TRACTION + side])
@@ -73,7 +69,6 @@ def load_of(side, motor, electric):
 
 
 @njit(cache=True)
-@no_type_check
 def limit_belts(before, asked, held, motor, electric):
     """Move the belt speeds from ``before`` towards ``asked`` within the limits of motors and brakes; ``asked`` is changed in place.
 
@@ -107,7 +102,6 @@ def limit_belts(before, asked, held, motor, electric):
 
 
 @njit(cache=True)
-@no_type_check
 def draw(power, motor, electric):
     """Draw electric power from the battery for one tick; the voltage drops by current times resistance."""
     open_v = motor[EMPTY_V] + electric[CHARGE] * (motor[FULL_V] - motor[EMPTY_V])
@@ -121,7 +115,6 @@ def draw(power, motor, electric):
 
 
 @njit(cache=True)
-@no_type_check
 def limit_seat(actual, turning, state, seat, angles, actuator):
     """Return the available torque of the seat actuator; beyond it the stroke yields. ``state`` is changed in place.
 

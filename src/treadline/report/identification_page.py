@@ -14,7 +14,7 @@ from jaxtyping import Complex, Float
 from matplotlib.figure import Figure
 
 from treadline.core import transfer_function as transfer
-from treadline.core.arrays import NORMAL_95
+from treadline.core.arrays import NORMAL_95, spectral_radius
 from treadline.core.files import write_whole
 from treadline.core.linear_systems import impulse_response, part
 from treadline.core.model_scores import compare
@@ -148,7 +148,7 @@ class _Page:
             )
         if self.unstable:
             self.notes.append(
-                f"the model is unstable (spectral radius {transfer.spectral_radius(self.model):.4f}): responses are followed up to "
+                f"the model is unstable (spectral radius {spectral_radius(self.model.A):.4f}): responses are followed up to "
                 f"a {transfer.GROWTH_MOST:.0f}-fold growth, and forecasts stand in place of free runs"
             )
 

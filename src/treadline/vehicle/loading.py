@@ -16,8 +16,6 @@ class Loading:
 
     chair: ChairDescription
     payload_kg: float
-    com_error_m: float = 0.0
-    """Error added to the centre of mass along the chair [m], for tests."""
 
     @property
     def seat_kg(self) -> float:
@@ -43,7 +41,7 @@ def centre_of_mass_level(loading: Loading, pitch_rad: float) -> tuple[float, flo
     total = chassis + flipper + loading.seat_kg
     x = (chassis * cx + flipper * pivot + loading.seat_kg * (hx + c * px + s * pz)) / total
     z = (chassis * cz + flipper * chair.tracks.pulley_radius_m + loading.seat_kg * (hz - s * px + c * pz)) / total
-    return x + loading.com_error_m, z
+    return x, z
 
 
 def plumb(loading: Loading, pitch_rad: float) -> float:

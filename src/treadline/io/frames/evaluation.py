@@ -14,10 +14,9 @@ from treadline.core.errors import ImageError
 from treadline.perception.calibration_check import CalibrationCheck
 from treadline.perception.detection import StairDetection, refused
 from treadline.perception.detector import DetectorConfig, StairDetector
-from treadline.perception.overlay import overlay
+from treadline.perception.overlay import overlay, write_picture, write_stages
 from treadline.perception.paper.algorithm import PaperConfig
 from treadline.perception.paper.edges import ThresholdRule
-from treadline.perception.paper.pictures import write_picture, write_stages
 from treadline.perception.paper.printed_heading import heading_about
 
 NO_MOUNT = (

@@ -64,7 +64,7 @@ def run_steps(frame: RgbdFrame, config: PaperConfig) -> Steps:
 def look_as_printed(frame: RgbdFrame, config: PaperConfig, sigma_rad: float, *, stages: bool) -> StairDetection:
     """Return the result of Algorithm 1 and Eq. (2) for a frame."""
     steps = run_steps(frame, config)
-    shown = Stages(pictures=pictures(frame, steps), nosings_px=steps.nosings) if stages else None
+    shown = pictures(frame, steps) if stages else None
     if len(steps.nosings) == 0:
         return refused("no line of near-zero slope", stages=shown)
     ends = _end_depths(frame, steps.nosings)
@@ -84,10 +84,8 @@ def look_as_printed(frame: RgbdFrame, config: PaperConfig, sigma_rad: float, *, 
         reason=None,
         heading_rad=heading,
         sigma_rad=sigma_rad,
-        edge_direction_C=None,
         edge_count=len(steps.nosings),
         box_px=bounding_box(steps.nosings),
-        shape=None,
         stages=shown,
     )
 
@@ -100,7 +98,7 @@ def _end_depths(frame: RgbdFrame, lines: Float[np.ndarray, "n 4"]) -> Float[np.n
     return frame.depth_m[v, u].astype(float)
 
 
-def pictures(frame: RgbdFrame, steps: Steps) -> tuple[UInt8[np.ndarray, "h w 3"], ...]:
+def pictures(frame: RgbdFrame, steps: Steps) -> Stages:
     """Return the six stages (a) to (f) of Fig. 5 as images."""
     grey = cv2.cvtColor(grey_of(frame.rgb) // 2, cv2.COLOR_GRAY2RGB)
     boxed = _drawn(frame.rgb.copy(), steps.nosings)

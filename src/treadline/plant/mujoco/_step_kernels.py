@@ -1,11 +1,9 @@
 """Inner loop of the plant, compiled: belts, seat actuator, and MuJoCo's stages.
 
-MuJoCo's functions are linked by name; ``_native.load_library`` must run before the first call. ``no_type_check`` prevents the shape
-checker of the tests from wrapping compiled functions.
+MuJoCo's functions are linked by name; ``_native.load_library`` must run before the first call.
 """
 
 import math
-from typing import no_type_check
 
 from numba import types
 
@@ -72,22 +70,16 @@ SOUND, WARNED, NOT_FINITE, CROWDED = 0, 1, 2, 3
 
 
 @njit(cache=True)
-@no_type_check
-def contacts_of_no_belt(count, whole, geom, is_belt):
-    """Return the number of contacts of hull, seat and passenger, without any belt."""
-    found = 0
-    for i in range(count):
-        if not (is_belt[whole[i, geom]] or is_belt[whole[i, geom + 1]]):
-            found += 1
-    return found
-
-
-@njit(cache=True)
-@no_type_check
 def reach_of_contacts(count, real, whole, frame, geom, is_belt, qpos, xmat, reach):
-    """Extend ``reach`` (front, rear, left, right of B, each positive outward) to the belt contacts."""
+    """Extend ``reach`` (front, rear, left, right of B, each positive outward) to the belt contacts.
+
+    Returns:
+        of_no_belt: Number of contacts of hull, seat and passenger.
+    """
+    of_no_belt = 0
     for i in range(count):
         if not (is_belt[whole[i, geom]] or is_belt[whole[i, geom + 1]]):
+            of_no_belt += 1
             continue
         # The position of a contact is stored before its frame.
         dx, dy, dz = real[i, frame - 3] - qpos[0], real[i, frame - 2] - qpos[1], real[i, frame - 1] - qpos[2]
@@ -95,10 +87,10 @@ def reach_of_contacts(count, real, whole, frame, geom, is_belt, qpos, xmat, reac
         y = xmat[1] * dx + xmat[4] * dy + xmat[7] * dz
         reach[0], reach[1] = max(reach[0], x), max(reach[1], -x)
         reach[2], reach[3] = max(reach[2], y), max(reach[3], -y)
+    return of_no_belt
 
 
 @njit(cache=True)
-@no_type_check
 def move_payload(sway, qvel, seat_rate, xmat, seat_xmat, com, force):
     """Set the payload position of the sway, and the reaction force on the seat.
 
@@ -127,7 +119,6 @@ def move_payload(sway, qvel, seat_rate, xmat, seat_xmat, com, force):
 
 
 @njit(cache=True)
-@no_type_check
 def judge(warnings, log, room):
     """Return the result code: a MuJoCo warning, a non-finite state, more than ``room`` contacts, or sound."""
     for count in warnings:
@@ -143,7 +134,6 @@ def judge(warnings, log, room):
 
 
 @njit(cache=True, nogil=True)  # several threads can advance their plants in parallel
-@no_type_check
 def advance(
     ticks, mu, log, model, data, count, real, whole, layout, coulomb, lugs, is_belt, xmat, grip, command, drives, mismatch, state,
     belts_of, surface_velocity, radius, seat, angles, flipper, damping, force, control, qpos, qvel, warnings,
@@ -240,8 +230,8 @@ def advance(
                 approach_rad = qpos[LAST] if flipper.shape[0] > 0 else fixed_rad
                 follow_lugs(count[0], real, whole, frame, surfacevel, geom, part_of, speed, approach_rad, qpos, xmat, lug, travel)
             weaken(count[0], real, whole, friction, geom, grip)
-            reach_of_contacts(count[0], real, whole, frame, geom, is_belt, qpos, xmat, row[SUPPORT : SUPPORT + 4])
-            row[HULL] = max(row[HULL], contacts_of_no_belt(count[0], whole, geom, is_belt))
+            of_no_belt = reach_of_contacts(count[0], real, whole, frame, geom, is_belt, qpos, xmat, row[SUPPORT : SUPPORT + 4])
+            row[HULL] = max(row[HULL], of_no_belt)
             _constrain(model, data)
             _project(model, data)  # required by the no-slip iterations (crash otherwise); returns immediately without them
             _transmit(model, data)

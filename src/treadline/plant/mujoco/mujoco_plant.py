@@ -120,11 +120,6 @@ class MujocoPlant(InstrumentedPlant):
         """Distance along the belts from the leading end to the obstacle [m]; None without an obstacle."""
         return self._around.gap_m(*self._pose_WB())
 
-    @property
-    def passenger_height_m(self) -> float:
-        """Present height of the payload's centre of mass above the floor [m], used for comfort."""
-        return float(self._data.xipos[self._seat_body, 2])
-
     def contacts(self) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
         """Return points [m] and normal forces on the chair [N], both in W, of the loaded contacts in the last step.
 

@@ -1,10 +1,6 @@
-"""Samples of an inertial sensor from the motion of the chair, compiled.
-
-``no_type_check`` prevents the shape checker of the tests from wrapping compiled functions.
-"""
+"""Samples of an inertial sensor from the motion of the chair, compiled."""
 
 import math
-from typing import no_type_check
 
 import numpy as np
 
@@ -27,7 +23,6 @@ DRAWS = 15
 
 
 @njit(cache=True)
-@no_type_check
 def imu_sample(draw, R_WB, rate, acceleration, moving, figures, scale, bias_left, force_bias, memory, sample):
     """Fill ``sample`` with an IMU's orientation (w, x, y, z), angular velocity and specific force; ``memory`` advances by a tick.
 
@@ -63,7 +58,6 @@ def imu_sample(draw, R_WB, rate, acceleration, moving, figures, scale, bias_left
 
 
 @njit(cache=True)
-@no_type_check
 def blend_attitude(attitude, last_rate, rate, force, share):
     """Advance an attitude (w, x, y, z) by a tick: a complementary filter with the proportional gain of Mahony's filter.
 
@@ -85,7 +79,6 @@ def blend_attitude(attitude, last_rate, rate, force, share):
 
 
 @njit(cache=True)
-@no_type_check
 def compose(p, q):
     """Return the product of two quaternions (w, x, y, z)."""
     return np.array(
@@ -99,14 +92,12 @@ def compose(p, q):
 
 
 @njit(cache=True)
-@no_type_check
 def heading_of(q):
     """Return the yaw of a quaternion (w, x, y, z): the direction of its x axis in the horizontal plane."""
     return math.atan2(2.0 * (q[1] * q[2] + q[0] * q[3]), 1.0 - 2.0 * (q[2] * q[2] + q[3] * q[3]))
 
 
 @njit(cache=True)
-@no_type_check
 def about_up(angle):
     """Return the rotation about the vertical."""
     c, s = math.cos(angle), math.sin(angle)

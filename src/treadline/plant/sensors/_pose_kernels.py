@@ -1,10 +1,6 @@
-"""Ground truth from the pose of a chair, and rotations, compiled.
-
-``no_type_check`` prevents the shape checker of the tests from wrapping compiled functions.
-"""
+"""Ground truth from the pose of a chair, and rotations, compiled."""
 
 import math
-from typing import no_type_check
 
 import numpy as np
 
@@ -18,7 +14,6 @@ CHAIR = 13
 
 
 @njit(cache=True)
-@no_type_check
 def truth(
     R_SW,
     p_WS,
@@ -114,7 +109,6 @@ def truth(
 
 
 @njit(cache=True)
-@no_type_check
 def on_stair(R_SW, p_WS, R_WB, p_WB, rate):
     """Return heading, heading rate about the normal of the nosing plane, and position of B along and across the stair."""
     R_SB = product(R_SW, R_WB)
@@ -125,7 +119,6 @@ def on_stair(R_SW, p_WS, R_WB, p_WB, rate):
 
 
 @njit(cache=True)
-@no_type_check
 def support(front, rear, edges_W, p_WB, R_WB, half_run, rocking):
     """Return the reach of the belts' support from B, to front and rear: contacts, and the edges onto which the chair can rock.
 
@@ -148,7 +141,6 @@ def support(front, rear, edges_W, p_WB, R_WB, half_run, rocking):
 
 
 @njit(cache=True)
-@no_type_check
 def pulley_gap(surfaces, pulley_x, pulley_z, half_gauge, radius, p_WB, R_WB):
     """Return the distance ahead of B of the lowest point of a pair of pulleys, and its gap to the ground; the smaller of the two.
 
@@ -172,7 +164,6 @@ def pulley_gap(surfaces, pulley_x, pulley_z, half_gauge, radius, p_WB, R_WB):
 
 
 @njit(cache=True)
-@no_type_check
 def _on_seat(chair, centre, c, s, place):
     """Fill ``place`` with a point of the seat in B: ``mechanics.stability.payload_place``, compiled."""
     place[0] = chair[HINGE] + c * centre[0] + s * centre[2]
@@ -181,14 +172,12 @@ def _on_seat(chair, centre, c, s, place):
 
 
 @njit(cache=True)
-@no_type_check
 def _arcsine(value):
     """Return the arcsine of a component of a unit vector, clamped against rounding."""
     return math.asin(max(-1.0, min(1.0, value)))
 
 
 @njit(cache=True)
-@no_type_check
 def product(A, B):
     """Return the product of two matrices."""
     C = np.empty((A.shape[0], B.shape[1]))
@@ -199,7 +188,6 @@ def product(A, B):
 
 
 @njit(cache=True)
-@no_type_check
 def rotation(w, x, y, z, R):
     """Write the rotation matrix of a unit quaternion: ``angles.rotation_of``, compiled."""
     R[0, 0], R[0, 1], R[0, 2] = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)
@@ -208,7 +196,6 @@ def rotation(w, x, y, z, R):
 
 
 @njit(cache=True)
-@no_type_check
 def quaternion(R):
     """Return the unit quaternion (w, x, y, z), w ≥ 0, of a rotation matrix: ``angles.quaternion_of``, compiled."""
     a, b, c, d, e, f, g, h, i = R[0, 0], R[0, 1], R[0, 2], R[1, 0], R[1, 1], R[1, 2], R[2, 0], R[2, 1], R[2, 2]

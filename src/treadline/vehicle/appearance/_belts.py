@@ -274,4 +274,4 @@ def _pulley(centre: tuple[float, float, float], radius: float, half_width: float
     w = 0.94 * half_width
     profile = [(-0.55 * w, 0.28), (-0.55 * w, 0.78), (-w, 0.84), (-w, 1.0), (w, 1.0), (w, 0.84), (0.55 * w, 0.78), (0.55 * w, 0.28)]
     hub = [(-0.9 * w, 0.22), (-0.9 * w, 0.28), *profile, (0.9 * w, 0.28), (0.9 * w, 0.22)]
-    return lathe((x, y, z), (x, y + 1.0, z), [(along, share * radius, share * radius) for along, share in hub], sides=18)
+    return lathe((x, y, z), (x, y + 1.0, z), [(along, share * radius) for along, share in hub], sides=18)

@@ -53,12 +53,11 @@ def box(centre: Point3, size: Point3) -> Mesh:
     return extrusion(outline, -b, b).moved(centre)
 
 
-def rounded_box(centre: Point3, size: Point3, radius_m: float, *, along: int = 1, corners: int = 3) -> Mesh:
+def rounded_box(centre: Point3, size: Point3, radius_m: float, *, along: int = 1) -> Mesh:
     """Return a box whose four edges parallel to one axis are rounded.
 
     Args:
         along: Axis of the rounded edges: 0, 1 or 2 for x, y or z.
-        corners: Segments of each rounding.
     """
     edges = [float(edge) for edge in size]
     # A cyclic permutation of the axes keeps the orientation.
@@ -69,7 +68,7 @@ def rounded_box(centre: Point3, size: Point3, radius_m: float, *, along: int = 1
         [
             (sx * (a - r) + r * math.cos(angle), sz * (c - r) + r * math.sin(angle))
             for quarter, (sx, sz) in enumerate(((1, 1), (-1, 1), (-1, -1), (1, -1)))
-            for angle in (0.5 * math.pi * (quarter + k / corners) for k in range(corners + 1))
+            for angle in (0.5 * math.pi * (quarter + k / 3) for k in range(4))
         ]
     )
     mesh = extrusion(outline, -b, b)
@@ -114,13 +113,13 @@ def band(outer: Outline, inner: Outline, low: float, high: float, *, closed: boo
     return Mesh(vertices=_between(lines, low, high), faces=np.array(faces))
 
 
-def lathe(start: Point3, end: Point3, stations: Sequence[tuple[float, float, float]], sides: int = 12) -> Mesh:
-    """Return the solid whose sections across an axis are ellipses.
+def lathe(start: Point3, end: Point3, stations: Sequence[tuple[float, float]], sides: int = 12) -> Mesh:
+    """Return the solid whose sections across an axis are circles.
 
     Args:
         start: Origin of the axis.
         end: Point that gives the direction of the axis.
-        stations: Distance along the axis, half width (along y, or along x if the axis is y) and half depth of each section.
+        stations: Distance along the axis and radius of each section.
     """
     axis = np.asarray(end, dtype=float) - np.asarray(start, dtype=float)
     axis /= np.linalg.norm(axis)
@@ -129,7 +128,7 @@ def lathe(start: Point3, end: Point3, stations: Sequence[tuple[float, float, flo
     u /= np.linalg.norm(u)
     v = np.cross(axis, u)
     angles = 2.0 * math.pi * np.arange(sides) / sides
-    rings = [along * axis + a * np.outer(np.cos(angles), u) + b * np.outer(np.sin(angles), v) for along, a, b in stations]
+    rings = [along * axis + r * np.outer(np.cos(angles), u) + r * np.outer(np.sin(angles), v) for along, r in stations]
     ends = np.array([stations[0][0] * axis, stations[-1][0] * axis])
     first, last = len(stations) * sides, (len(stations) - 1) * sides
     faces: list[tuple[int, int, int]] = []
@@ -144,7 +143,7 @@ def lathe(start: Point3, end: Point3, stations: Sequence[tuple[float, float, flo
 def cylinder(start: Point3, end: Point3, radius_m: float, sides: int = 12) -> Mesh:
     """Return a cylinder between two points."""
     length = float(np.linalg.norm(np.asarray(end, dtype=float) - np.asarray(start, dtype=float)))
-    return lathe(start, end, [(0.0, radius_m, radius_m), (length, radius_m, radius_m)], sides)
+    return lathe(start, end, [(0.0, radius_m), (length, radius_m)], sides)
 
 
 def capsule(start: Point3, end: Point3, radius_m: float, end_radius_m: float | None = None, sides: int = 10) -> Mesh:
@@ -154,12 +153,12 @@ def capsule(start: Point3, end: Point3, radius_m: float, end_radius_m: float | N
     quarter = [0.5 * math.pi * k / 3 for k in range(3)]
     head = [(-r * math.cos(angle + 0.2), r * math.sin(angle + 0.2)) for angle in quarter]
     tail = [(length + s * math.cos(angle + 0.2), s * math.sin(angle + 0.2)) for angle in reversed(quarter)]
-    return lathe(start, end, [(along, radius, radius) for along, radius in (*head, (0.0, r), (length, s), *tail)], sides)
+    return lathe(start, end, [*head, (0.0, r), (length, s), *tail], sides)
 
 
-def tube(points: Sequence[Point3], radius_m: float, sides: int = 8) -> Mesh:
+def tube(points: Sequence[Point3], radius_m: float) -> Mesh:
     """Return a round tube along a line of points."""
-    return merged(capsule(a, b, radius_m, sides=sides) for a, b in pairwise(points))
+    return merged(capsule(a, b, radius_m, sides=8) for a, b in pairwise(points))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -13,7 +13,6 @@ Paper: G. De Saxcé, Z.-Q. Feng, The bipotential method, Math. Comput. Modelling
 """
 
 import math
-from typing import no_type_check
 
 from llvmlite import ir
 from numba import carray, types  # type: ignore[attr-defined]
@@ -54,14 +53,12 @@ def _doubles_at(context, address):
 
 
 @njit(cache=True)
-@no_type_check
 def doubles(pointer, size):
     """Return the array at a pointer of ``mjData``, to be read again after each solve because the arena moves."""
     return carray(_doubles_at(pointer[0]), size)
 
 
 @njit(cache=True)
-@no_type_check
 def _tangent_speed(row, mu, J, R, aref, force, acceleration, force_share):
     """Return ``|mu * y_t|`` of the contact with normal row ``row`` [m/s²]."""
     nv = acceleration.shape[0]
@@ -77,7 +74,6 @@ def _tangent_speed(row, mu, J, R, aref, force, acceleration, force_share):
 
 
 @njit(cache=True)
-@no_type_check
 def normal_force(count, whole, address, pointers):
     """Return the sum of the normal contact forces after a solve [N]."""
     force = doubles(pointers[3], 3 * whole.shape[0])
@@ -89,7 +85,6 @@ def normal_force(count, whole, address, pointers):
 
 
 @njit(cache=True)
-@no_type_check
 def solve_contacts(model, data, count, real, whole, fields, pointers, acceleration, warm_start, shift, softness, accuracy):
     """Solve the contacts of one step with Coulomb friction.
 
@@ -148,7 +143,6 @@ def solve_contacts(model, data, count, real, whole, fields, pointers, accelerati
 
 
 @njit(cache=True)
-@no_type_check
 def turn_contacts(count, real, whole, frame, friction, surfacevel, geom, is_belt, chair_y, mu):
     """Align the tangents of each belt contact with the belt: along y × n, and across; set the friction of the stair's geom.
 
@@ -193,7 +187,6 @@ def turn_contacts(count, real, whole, frame, friction, surfacevel, geom, is_belt
 
 
 @njit(cache=True)
-@no_type_check
 def weaken(count, real, whole, friction, geom, grip):
     """Scale the friction of each contact by the remaining friction of its belt."""
     for i in range(count):
@@ -203,7 +196,6 @@ def weaken(count, real, whole, friction, geom, grip):
 
 
 @njit(cache=True)
-@no_type_check
 def add_traction(count, real, whole, layout, belt_side, chair_y, force_pointer, traction):
     """Add the forward force of the stair on each belt [N] to ``traction`` (left, right).
 

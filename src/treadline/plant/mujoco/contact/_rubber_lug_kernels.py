@@ -7,7 +7,7 @@ friction: a nosing is held by a lug flank and by the next lug.
 """
 
 import math
-from typing import NamedTuple, no_type_check
+from typing import NamedTuple
 
 from treadline.core.kernel_cache import njit
 
@@ -41,7 +41,6 @@ class LugParameters(NamedTuple):
 
 
 @njit(cache=True)
-@no_type_check
 def profile(along, lug):
     """Return gap and slope of the profile at a distance along the belt from the middle of a tip."""
     pitch, tip, flank, height = lug.pitch, lug.tip, lug.flank, lug.height
@@ -57,7 +56,6 @@ def profile(along, lug):
 
 
 @njit(cache=True)
-@no_type_check
 def standing(along, rise, lug):
     """Return gap and slope at a nosing if the next lug uphill stands on the horizontal tread.
 
@@ -71,7 +69,6 @@ def standing(along, rise, lug):
 
 
 @njit(cache=True)
-@no_type_check
 def arc_length(part, x, z, ox, oz, approach_rad, lug):
     """Return the arc length from mid-track along the outline of a contact at (x, z) in B with outward normal (ox, oz)."""
     half, radius = 0.5 * lug.flat_run, lug.radius
@@ -88,7 +85,6 @@ def arc_length(part, x, z, ox, oz, approach_rad, lug):
 
 
 @njit(cache=True)
-@no_type_check
 def follow_lugs(count, real, whole, frame, surfacevel, geom, part_of, speed, approach_rad, qpos, xmat, lug, travel):
     """Advance the belts' travel by one step and apply the lug profile to the belt contacts, after ``turn_contacts``.
 

@@ -7,7 +7,6 @@ neglected.
 """
 
 import math
-from typing import no_type_check
 
 import numpy as np
 
@@ -25,7 +24,6 @@ MODULATION_HZ = 80e6
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def kinect(exact, face, fx_noise, baseline, shadow_px, sigma_px, step_px, near, far, jitter, normal, chance, places, measured):
     """Fill ``measured`` with the output of a structured-light sensor for exact depth.
 
@@ -79,7 +77,6 @@ def kinect(exact, face, fx_noise, baseline, shadow_px, sigma_px, step_px, near, 
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def time_of_flight(
     exact, face, fx, fy, cx, cy, albedos, floor_m, gain_m, ripple_m, scale, near, far, dropped, normal, chance, places, measured
 ):
@@ -115,22 +112,7 @@ def time_of_flight(
             jump = abs(beyond - z)
             if jump > 0.04 * z and chance[first + n] < dropped:
                 continue
-            # The inverse depth's gradient on this face gives its normal, and so the angle at which it is seen.
-            w = 1.0 / z
-            wu, wv = 0.0, 0.0
-            if face[v, ru] == f and ru > u:
-                wu = (1.0 / exact[v, ru] - w) * fx
-            elif face[v, lu] == f and lu < u:
-                wu = (w - 1.0 / exact[v, lu]) * fx
-            if face[rv, u] == f and rv > v:
-                wv = (1.0 / exact[rv, u] - w) * fy
-            elif face[lv, u] == f and lv < v:
-                wv = (w - 1.0 / exact[lv, u]) * fy
-            x, y = (u - cx) / fx, (v - cy) / fy
-            wz = w - wu * x - wv * y
-            cosine = w / math.sqrt((wu * wu + wv * wv + wz * wz) * (1.0 + x * x + y * y))
-            light = albedos[f // 6] * cosine / (z * z)
-            faded = gain_m / max(light, 1e-3)
+            faded = gain_m / max(_light(exact, face, u, v, fx, fy, cx, cy, albedos), 1e-3)
             sigma = math.sqrt(floor_m * floor_m + faded * faded)
             if sigma > 0.04 or chance[second + n] < 0.0003:
                 continue
@@ -146,7 +128,6 @@ def time_of_flight(
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def stereo(
     exact,
     face,
@@ -201,9 +182,11 @@ def stereo(
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-@no_type_check
 def _light(exact, face, u, v, fx, fy, cx, cy, albedos):
-    """Return the light of the projector that a pixel gets back, relative to a white wall facing it at 1 m."""
+    """Return the light of the projector that a pixel gets back, relative to a white wall facing it at 1 m.
+
+    The inverse depth's gradient on the pixel's face gives the face's normal, and so the angle at which it is seen.
+    """
     rows, columns = exact.shape
     z, f = exact[v, u], face[v, u]
     w = 1.0 / z
@@ -223,7 +206,6 @@ def _light(exact, face, u, v, fx, fy, cx, cy, albedos):
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def bounce(exact, face, albedos, fx, fy, cx, cy, cell, bias):
     """Fill ``bias`` [m of range] for the middle pixel of each cell of ``cell`` × ``cell`` pixels; NaN without a surface."""
     rows, columns = bias.shape
@@ -269,7 +251,6 @@ def bounce(exact, face, albedos, fx, fy, cx, cy, cell, bias):
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def _plane(exact, face, u, v, fx, fy, cx, cy, normal):
     """Write the unit normal of the face at a pixel, pointing away from the camera; return whether it has one."""
     f, z = face[v, u], exact[v, u]

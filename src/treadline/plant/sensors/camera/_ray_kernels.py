@@ -1,7 +1,6 @@
 """Per-pixel loops of the camera, compiled: ray casting, surface patterns and colours."""
 
 import math
-from typing import no_type_check
 
 import numpy as np
 
@@ -12,7 +11,6 @@ NEAR_M = 0.02
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def cast(centres, halves, turns, R_WC, p_WC, fx, fy, cx, cy, far, depth, face):
     """Fill ``depth`` [m along the optical axis] and ``face`` (6·box + side) with the nearest box of each pixel.
 
@@ -60,7 +58,6 @@ def cast(centres, halves, turns, R_WC, p_WC, fx, fy, cx, cy, far, depth, face):
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def _clip(corners, clipped):
     """Write the part of a quadrilateral in front of the camera; return its number of corners."""
     count = 0
@@ -78,7 +75,6 @@ def _clip(corners, clipped):
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def _fill(polygon, count, fx, fy, cx, cy, wu, wv, w0, label, inverse, face):
     """Fill a convex polygon where its inverse depth is the largest so far."""
     rows, columns = inverse.shape
@@ -113,7 +109,6 @@ def _fill(polygon, count, fx, fy, cx, cy, wu, wv, w0, label, inverse, face):
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def _hash(i, j, k):
     """Return a pseudo-random number in [0, 1) that depends on the cell only."""
     n = (i * 374761393 + j * 668265263 + k * 2147483647) & 0xFFFFFFFF
@@ -122,7 +117,6 @@ def _hash(i, j, k):
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def smooth(x, y, k):
     """Return value noise: random at integer coordinates, interpolated between them."""
     i, j = int(math.floor(x)), int(math.floor(y))
@@ -134,7 +128,6 @@ def smooth(x, y, k):
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def _pattern(kind, a, b, seed):
     """Return the relative reflectance of a surface; a runs across the stair, b along the run or up the riser."""
     if kind == 0:  # wood: grain along the tread
@@ -151,7 +144,6 @@ def _pattern(kind, a, b, seed):
 
 
 @njit(cache=True, error_model="numpy")
-@no_type_check
 def paint(depth, face, R_WC, p_WC, fx, fy, cx, cy, shades, axes, colours, kinds, light, shadows, noise, place, rgb):
     """Fill ``rgb`` from depth and face: shade by orientation, surface pattern, shadows, gain, sensor noise.
 

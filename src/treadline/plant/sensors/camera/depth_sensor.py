@@ -125,22 +125,22 @@ class SensorModel:
         places: Int[np.ndarray, " 4"],
     ) -> Float32[np.ndarray, "h w"]:
         """Return the measured depth; ``places`` are the start positions of this frame's random numbers."""
-        shot = exact_m, face, albedos, places
+        shot, measured = (exact_m, face, albedos, places), np.empty(exact_m.shape, dtype=np.float32)
         if isinstance(self.sensor, ActiveStereo):
-            measured = self._stereo(self.sensor, shot)
+            self._stereo(self.sensor, shot, measured)
         elif isinstance(self.sensor, TimeOfFlight):
-            measured = self._time_of_flight(self.sensor, shot)
+            self._time_of_flight(self.sensor, shot, measured)
         else:
-            measured = self._structured_light(self.sensor, shot)
+            self._structured_light(self.sensor, shot, measured)
         if self.sigma_m is not None:
             floor_m, gain, exponent = self.sigma_m
             noise = self.normal[places[3] : places[3] + measured.size].reshape(measured.shape)
             measured += (floor_m + gain * measured**exponent) * noise
         return measured
 
-    def _time_of_flight(self, sensor: TimeOfFlight, shot: _Shot) -> Float32[np.ndarray, "h w"]:
+    def _time_of_flight(self, sensor: TimeOfFlight, shot: _Shot, measured: Float32[np.ndarray, "h w"]) -> None:
         exact_m, face, albedos, places = shot
-        camera, measured = self.camera, np.empty(exact_m.shape, dtype=np.float32)
+        camera = self.camera
         kernels.time_of_flight(
             exact_m,
             face,
@@ -159,11 +159,9 @@ class SensorModel:
         )
         if sensor.multipath:
             measured += multipath_bias(camera, exact_m, face, albedos).astype(np.float32)
-        return measured
 
-    def _structured_light(self, sensor: StructuredLight, shot: _Shot) -> Float32[np.ndarray, "h w"]:
+    def _structured_light(self, sensor: StructuredLight, shot: _Shot, measured: Float32[np.ndarray, "h w"]) -> None:
         exact_m, face, _, places = shot
-        measured = np.empty(exact_m.shape, dtype=np.float32)
         kernels.kinect(
             exact_m,
             face,
@@ -178,9 +176,8 @@ class SensorModel:
             places,
             measured,
         )
-        return measured
 
-    def _stereo(self, sensor: ActiveStereo, shot: _Shot) -> Float32[np.ndarray, "h w"]:
+    def _stereo(self, sensor: ActiveStereo, shot: _Shot, measured: Float32[np.ndarray, "h w"]) -> None:
         exact_m, face, albedos, places = shot
         scale = self.camera.fx_px / FILES[self.kind].fx_px
         strength_px_m = FILES[self.kind].fx_px * BASELINES_M[self.kind]
@@ -189,7 +186,6 @@ class SensorModel:
         near = cv2.dilate(disparity, np.ones((size, size), dtype=np.uint8)) if size > 1 else disparity
         # On a plane the largest disparity of a window differs as well: only an edge between two pixels makes a window fail.
         fattened = straddling(disparity, size + 1, JUMP_PX / scale) & (near - disparity > JUMP_PX / scale)
-        measured = np.empty(exact_m.shape, dtype=np.float32)
         kernels.stereo(
             exact_m,
             face,
@@ -208,7 +204,6 @@ class SensorModel:
             places,
             measured,
         )
-        return measured
 
     def _disparity_errors(self, sensor: StructuredLight | ActiveStereo) -> tuple[float, float]:
         """Return standard deviation and steps of the disparity [px]; next to none where a noise law includes both."""
