@@ -55,14 +55,14 @@ def say(line: str, stream: TextIO | None = None) -> None:
 
 
 @contextmanager
-def start_line(tokens: Sequence[str], after_s: float = AFTER_S) -> Iterator[None]:
-    """Write that a command runs, unless the command ends before ``after_s``.
+def start_line(tokens: Sequence[str]) -> Iterator[None]:
+    """Write that a command runs, unless the command ends before ``AFTER_S``.
 
     Progress begins later, after the import of libraries and the compilation of kernels.
     """
     name = next((token for token in tokens if not token.startswith("-")), "")
     line = f"treadline {name}".strip() + f": {_activity(tokens)}; Ctrl-C stops it"
-    timer = threading.Timer(after_s, say, [line])
+    timer = threading.Timer(AFTER_S, say, [line])
     timer.daemon = True
     timer.start()
     try:

@@ -9,12 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
 from treadline.cli._arguments import Force, List, check_times, choice, claim
-from treadline.cli._output import Answer
+from treadline.cli._output import Answer, Progress
 from treadline.core.errors import SettingsError
 
 if TYPE_CHECKING:
     from treadline.core.camera_images import FrameSource
-    from treadline.io.frames.evaluation import FrameEvaluator
 
 MANY = 20
 """Number of frames above which progress is shown."""
@@ -133,11 +132,18 @@ def _answer(frames: "FrameSource", method: Any, rule: Any, headings: Path | None
     evaluator, summary, seen = FrameEvaluator(method, rule), Summary(), list[dict[str, Any]]()
     with ExitStack() as stack:
         table = None if headings is None else stack.enter_context(heading_table(headings))
-        for values in _with_progress(_evaluated(frames, evaluator, out), frames.count):
+        are_many = frames.count is not None and frames.count >= MANY
+        progress = stack.enter_context(Progress("see", frames.count)) if are_many else None
+        for named in frames:
+            sight, values = evaluator.evaluate(named)
+            if out is not None:
+                evaluator.write_pictures(named, sight, out)
             summary.add(values)
             seen.append(values)
             if table is not None:
                 table(values)
+            if progress is not None:
+                progress.done(values["name"])
     found = dict.fromkeys(item["warning"] for item in seen if item["accepted"] and item["warning"] is not None)
     findings = evaluator.findings
     notes = [f"warning: {warning}" for warning in (*frames.warnings, *found, *findings)]
@@ -151,28 +157,6 @@ def _answer(frames: "FrameSource", method: Any, rule: Any, headings: Path | None
     lines = [f"headings: {headings}"] if headings is not None else [_line(item) for item in seen]
     values = {"frames": seen, "summary": summary.values, "calibration": findings, "warnings": list(frames.warnings)}
     return Answer(values=values, summary=[*lines, *summary.lines, *notes])
-
-
-def _evaluated(frames: "FrameSource", evaluator: "FrameEvaluator", out: Path | None) -> Iterator[dict[str, Any]]:
-    """Yield the values of each frame, whose pictures are written."""
-    for named in frames:
-        sight, values = evaluator.evaluate(named)
-        if out is not None:
-            evaluator.write_pictures(named, sight, out)
-        yield values
-
-
-def _with_progress(seen: Iterator[dict[str, Any]], count: int | None) -> Iterator[dict[str, Any]]:
-    """Yield the results; of many frames, show the progress."""
-    from treadline.cli._output import Progress
-
-    if count is None or count < MANY:
-        yield from seen
-        return
-    with Progress("see", count) as progress:
-        for item in seen:
-            yield item
-            progress.done(item["name"])
 
 
 def _line(seen: dict[str, Any]) -> str:

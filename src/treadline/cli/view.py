@@ -1,11 +1,20 @@
 """``treadline view`` and ``treadline demo``: a run in the browser, live or recorded; the demo's at once."""
 
+import getpass
+import os
+import socket
+import sys
+import threading
+import webbrowser
+from collections.abc import Callable
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from treadline.cli._arguments import Force, Set, claim, set_values
 from treadline.cli._output import Answer, say
-from treadline.cli._serving import serve
+from treadline.core.errors import SettingsError
 
 
 def view(
@@ -50,7 +59,6 @@ def view(
     """
     if export is not None:
         return _exported(target, export, force=force)
-    from treadline.core.errors import SettingsError
     from treadline.view.opening import is_recorded, open_live, open_recorded
 
     recorded = is_recorded(target)
@@ -65,7 +73,6 @@ def view(
 
 
 def _exported(target: str, export: Path, *, force: bool) -> Answer:
-    from treadline.core.errors import SettingsError
     from treadline.playback import read_recording
     from treadline.view.opening import is_recorded
 
@@ -103,3 +110,100 @@ def demo(*, host: str = "127.0.0.1", port: int | None = None, no_browser: bool =
     from treadline.view.opening import LiveOffer, open_demonstration
 
     return serve("demo", open_demonstration, host=host, port=port, no_browser=no_browser, seconds=seconds, offer=LiveOffer())
+
+
+def serve(
+    verb: str,
+    open_session: Callable[[], Any],
+    *,
+    host: str,
+    port: int | None,
+    no_browser: bool,
+    seconds: float | None,
+    offer: Any = None,
+) -> Answer:
+    """Serve the page until Ctrl-C or the end of the given time.
+
+    Args:
+        verb: Command that serves.
+        open_session: Function that returns what is shown, called once the port is open.
+        port: Port that the user gave; None takes the first free one from the default port on.
+        offer: Live run that the page offers in place of the session, if any.
+
+    Raises:
+        SettingsError: If the port is out of range or in use.
+    """
+    from treadline.view.app import Stage
+    from treadline.view.server import PORTS, GuardedServer
+
+    if port is not None and not 0 <= port <= 65535:
+        raise SettingsError(f"--port {port}: give a port from 1 to 65535, or 0 for any free one")
+    handlers: dict[str, Any] = {}
+    ended = threading.Event()
+    with ExitStack() as ends:
+        server = GuardedServer(host, port, handlers)
+        ends.callback(server.close)
+        if port is None and server.rules.port != PORTS[0]:
+            say(f"{verb}: port {PORTS[0]} is in use; takes {server.rules.port}")
+        stage = Stage(server, open_session(), offer)
+        ends.callback(stage.close)
+        ends.callback(ended.set)
+        handlers["page"] = stage.page
+        url = server.rules.url
+        say(f"{verb}: {url}")
+        say(_exposure(verb, server.rules.host, attended=stage.session.attended))
+        for sentence in stage.session.run.missing:
+            say(f"{verb}: {sentence}")
+        if no_browser or not _open_browser(url):
+            say(_how_to_open(verb, server.rules, asked=not no_browser))
+        updater = threading.Thread(target=stage.run, args=(ended,), name="view", daemon=True)
+        updater.start()
+        try:
+            ended.wait(seconds)
+        except KeyboardInterrupt:
+            say(f"{verb}: ended")
+        ended.set()
+        updater.join(2.0)
+        if stage.failure is not None:
+            raise stage.failure
+    run, error = stage.session.run, stage.session.feed.error
+    return Answer(
+        values={"url": url, "t_s": run.duration_s, "verdict": run.outcome, "scene_updates": stage.updates, "error": error},
+        summary=[
+            f"viewed {stage.session.title}: {run.duration_s:.1f} s, {run.outcome or 'not ended'}",
+            *([error] if error else []),
+        ],
+        code=1 if error else 0,
+    )
+
+
+def _open_browser(url: str) -> bool:
+    """Open a browser on the screen of the person, if there is one: a browser of text would take the terminal."""
+    displays = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")
+    if "SSH_CONNECTION" in os.environ or (sys.platform == "linux" and not any(os.environ.get(name) for name in displays)):
+        return False
+    try:
+        return webbrowser.open(url)
+    except webbrowser.Error:
+        return False
+
+
+def _how_to_open(verb: str, rules: Any, *, asked: bool) -> str:
+    """Return how to open the page in a browser of this machine, or of another by an SSH tunnel."""
+    from treadline.view.server import LOOPBACK
+
+    here = f"{verb}: {'no browser found on this machine; ' if asked else ''}open the address in a browser"
+    if rules.host not in LOOPBACK:
+        return here
+    tunnel = f"ssh -L {rules.port}:127.0.0.1:{rules.port} {getpass.getuser()}@{socket.gethostname()}"
+    return f"{here}; from another machine, run there first: {tunnel}"
+
+
+def _exposure(verb: str, host: str, *, attended: bool) -> str:
+    from treadline.view.server import LOOPBACK
+
+    may = "may stop, drive and disturb the chair" if attended else "may only view"
+    if host in LOOPBACK:
+        return f"{verb}: only this machine can connect; whoever has the address {may}; Ctrl-C ends it"
+    reach = "every machine that reaches it and has the address"
+    return f"{verb}: listens on {host}: {reach} {may}, over unencrypted HTTP; Ctrl-C ends it"
