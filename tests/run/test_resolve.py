@@ -10,6 +10,7 @@ import treadline.run.resolve
 import treadline.scenario.chair
 from treadline.core.errors import SettingsError
 from treadline.mission.belt_controllers import ConstantSpeed
+from treadline.mission.mission_config import is_full_traversal
 from treadline.run.resolve import resolve
 from treadline.scenario.scenario import Scenario, read_scenario
 from treadline.scenario.shipped_files import CONTROLLERS, shipped_controller
@@ -50,11 +51,11 @@ def test_a_controller_is_a_path_a_design_or_left_out(kind: type) -> None:
 def test_an_open_loop_and_an_experiments_driver_need_no_controller() -> None:
     opened = resolve(Scenario.model_validate({"control": {"loop": "open"}}))
     assert opened.mission.controller is None
-    assert not opened.is_full_traversal
+    assert not is_full_traversal(opened.mission, opened.driver)
     driver = ConstantSpeed(0.1, 0.25)
     own = resolve("up-28", driver)
     assert own.build_blocks().driver is driver
-    assert not own.is_full_traversal
+    assert not is_full_traversal(own.mission, own.driver)
 
 
 def test_an_own_plant_reports_the_ground_where_it_declares_it() -> None:

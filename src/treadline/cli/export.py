@@ -108,20 +108,17 @@ def model(
             file:///FOLDER/chair_meshes/ or package://PACKAGE/meshes/.
         seed: Random seed of the stair's irregularities.
     """
-    import numpy as np
-
     from treadline.core.files import write_whole
+    from treadline.playback import staircase_of
     from treadline.scenario.scenario import read_scenario
     from treadline.vehicle.bodies import vehicle
     from treadline.vehicle.sdf import sdf_model, sdf_world
-    from treadline.vehicle.staircase import build_staircase
     from treadline.vehicle.start_pose import standing
 
     claim(out, force=force, kind="file")
     settings = read_scenario(scenario)
     chair, loading = settings.read_chair(), settings.chair
-    # The stair of a run with this seed: the plant draws it from the first of its streams.
-    staircase = build_staircase(settings.stair, np.random.default_rng(seed).spawn(1)[0], settings.step, settings.sill)
+    staircase = staircase_of(settings, seed)
     start = standing(staircase, chair.tracks, settings.start)
     meshes = out.with_name(f"{out.stem}_meshes")
     if to == "urdf":

@@ -16,6 +16,7 @@ from treadline.core.camera_images import RgbdFrame
 from treadline.core.ports import Truth
 from treadline.core.rotations import attitude_of, rotation_of
 from treadline.core.signals import (
+    ROUNDING_S,
     TICK_S,
     Event,
     FlipperReading,
@@ -29,7 +30,6 @@ from treadline.core.signals import (
 from treadline.core.slip import slower_belt_m_s
 from treadline.io.messages import TRUTH_NAMES
 from treadline.playback._recording import (
-    ROUNDING_S,
     SAMPLED,
     SLIP_WINDOW_S,
     WIDTHS,
@@ -296,7 +296,7 @@ class RecordingBuilder(SignalCollector):
             values = np.column_stack([held(t_s[first:], table, k) for k in columns])
             self._samples[name].rows[first:] = values if name in WIDTHS else values[:, 0]
         flipper = self._samples["flipper_rad"].rows[first:]
-        flipper[np.isnan(flipper)] = 0.0 if self._chair.tracks is None else self._chair.tracks.approach_angle_deg * DEG
+        flipper[np.isnan(flipper)] = self._chair.tracks.approach_angle_deg * DEG
         self._stale_s = math.inf
 
     def _perceive(

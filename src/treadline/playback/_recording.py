@@ -11,7 +11,7 @@ from typing import Any, get_args
 import numpy as np
 from jaxtyping import Float, Int
 
-from treadline.core.signals import Event, Phase
+from treadline.core.signals import ROUNDING_S, Event, Phase
 from treadline.core.slip import DRIVEN_LEAST_M, slip_ratio
 from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription
 from treadline.scenario.scenario import Scenario
@@ -20,8 +20,6 @@ from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD
 
 PHASES = get_args(Phase)
 """Names of the events that begin a phase."""
-ROUNDING_S = 1e-9
-"""Rounding of stamps [s]: a log keeps nanoseconds."""
 SLIP_WINDOW_S = 0.5
 """Time over which belt travel and movement of the chair are compared [s], as in the guard's slip monitor."""
 
@@ -214,7 +212,7 @@ class Recording:
         """
         chair, level_rad = self.chair, self.pitch_rad + self.flipper_rad
         own_n = 0.0 if chair.flipper is None else chair.flipper.mass_kg * GRAVITY_M_S2
-        lever_m = 0.0 if chair.tracks is None else 0.5 * chair.tracks.approach_m
+        lever_m = 0.5 * chair.tracks.approach_m
         columns = {"t_s": self.t_s, "x_m": self.p_WB[:, 0], "z_m": self.p_WB[:, 2]}
         angles = {
             "pitch_deg": self.pitch_rad,

@@ -96,27 +96,26 @@ def run_episode(
     """
     scenario = setup.scenario
     recorder = _EpisodeRecorder(scenario, setup.seed, sink)
-    refusal = "; ".join(setup.rejections) if setup.is_full_traversal else ""
-    blocks = None if refusal else blocks or setup.build_blocks()
+    blocks = None if setup.refusal else blocks or setup.build_blocks()
     if setup.seat_shift is not None:
         recorder.log(Event(t_s=0.0, name="seat_shifted", cause=setup.seat_shift), 0.0)
-    if refusal:
-        recorder.log(Event(t_s=0.0, name="refused", cause=refusal), 0.0)
+    if setup.refusal:
+        recorder.log(Event(t_s=0.0, name="refused", cause=setup.refusal), 0.0)
     plant = plant or setup.open_plant()
-    faults = setup.scenario.fault if faults is None else faults
-    over: tuple[str, str | None] = ("refused", refusal)
+    faults = scenario.fault if faults is None else faults
+    over: tuple[str, str | None] = ("refused", setup.refusal)
     started = time.process_time() - compiling().spent_s
     try:
         if blocks is None:
             plant.start()
             recorder.collect(plant)
         else:
-            ending = Ending(setup.scenario, setup.mission.chair, attended=attended)
+            ending = Ending(scenario, setup.mission.chair, attended=attended)
             if not _is_virtual(plant):
                 warm_up(setup.mission)
             over = _drive(ending, plant, blocks, recorder, watch, after_hold_s, faults, pace)
     except SimulationDiverged as error:
-        over = over if refusal else ("diverged", str(error))
+        over = over if setup.refusal else ("diverged", str(error))
     finally:
         plant.close()
     return recorder.result(over, time.process_time() - compiling().spent_s - started)

@@ -9,16 +9,15 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.angles import DEG
-from treadline.core.models import ControllerDesign
 from treadline.core.signals import TICK_S
 from treadline.io.mcap_log import RunLog
 from treadline.io.runs import LOG, begin_run, log_metadata, write_result, write_series
 from treadline.mission.loop import Blocks, Tick
+from treadline.playback import staircase_of
 from treadline.run.episode import Traverse, Watch, run_episode
 from treadline.run.resolve import Setup
 from treadline.run.run_scores import Trace
 from treadline.run.scene_log import SceneLog, WatchedDetector
-from treadline.vehicle.staircase import build_staircase
 
 SERIES = {
     "heading_deg": "heading_rad",
@@ -30,13 +29,7 @@ SERIES = {
 PLAIN_SERIES = ("left_m_s", "right_m_s", "x_m", "y_m", "friction_use")
 
 
-def recorded_run(
-    folder: Path,
-    setup: Setup,
-    *,
-    image_every: int = 0,
-    watch: Watch | None = None,
-) -> Traverse:
+def recorded_run(folder: Path, setup: Setup, *, image_every: int = 0, watch: Watch | None = None) -> Traverse:
     """Run a resolved setup and write its run folder.
 
     Args:
@@ -47,19 +40,18 @@ def recorded_run(
     Raises:
         TreadlineError: Before anything is written, if the setup cannot be run.
     """
-    blocks = None if setup.is_full_traversal and setup.rejections else setup.build_blocks()
+    blocks = None if setup.refusal else setup.build_blocks()
     plugins = setup.mission.plugins.sources()
     more: dict[str, Any] = {"plugins": plugins} if plugins else {}
     if blocks is not None:
         more["guard"] = asdict(blocks.guard.config)  # plots draw the limits that applied
-    return write_run(folder, setup, more, setup.mission.controller, blocks=blocks, image_every=image_every, watch=watch)
+    return write_run(folder, setup, more, blocks=blocks, image_every=image_every, watch=watch)
 
 
 def write_run(
     folder: Path,
     setup: Setup,
     more: Mapping[str, Any],
-    controller: ControllerDesign | None = None,
     *,
     blocks: Blocks | None = None,
     image_every: int = 0,
@@ -70,15 +62,13 @@ def write_run(
     Args:
         folder: Run folder: manifest.json, result.json, series.csv and log.mcap.
         more: Further entries of the manifest.
-        controller: Controller to keep in the folder.
         blocks: The blocks to run, if they have been built already.
         image_every: Keep every n-th frame in the log; 0 keeps none.
         watch: Receives each tick as it ends.
     """
-    scenario, seed = setup.scenario, setup.seed
-    manifest = begin_run(folder, scenario.model_dump(mode="json"), seed, controller, **more)
-    # The stair of a run with this seed: the plant draws it from the first of its streams.
-    staircase = build_staircase(scenario.stair, np.random.default_rng(seed).spawn(1)[0], scenario.step, scenario.sill)
+    scenario = setup.scenario
+    manifest = begin_run(folder, scenario.model_dump(mode="json"), setup.seed, setup.mission.controller, **more)
+    staircase = staircase_of(scenario, setup.seed)
     metadata = log_metadata(manifest, manifest["settings"], folder)
     with (
         RunLog(folder / LOG, image_every=image_every, metadata=metadata) as log,

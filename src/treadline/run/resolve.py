@@ -33,9 +33,6 @@ from treadline.scenario.shipped_files import shipped_controller
 from treadline.scenario.sill import Sill, landing_of
 from treadline.scenario.stair import Stair
 
-SEAT_SHIFT_M = 0.10
-"""Largest shift of the seat along the chair [m] that is applied before a traversal to reach the margin that ``check`` requires."""
-
 SHIPPED = "shipped"
 """Source that names the shipped controller, detector or estimator."""
 
@@ -76,9 +73,9 @@ class Setup:
     opener: Opener | PlantName = field(default="mujoco", repr=False)
 
     @property
-    def is_full_traversal(self) -> bool:
-        """Whether the run goes from floor to landing (or back) instead of along one flight."""
-        return is_full_traversal(self.mission, self.driver)
+    def refusal(self) -> str:
+        """Reasons for which a run from floor to landing (or back) is refused, as text; empty if it is run."""
+        return "; ".join(self.rejections) if is_full_traversal(self.mission, self.driver) else ""
 
     def build_blocks(self) -> Blocks:
         """Return new blocks for one mission.
@@ -245,7 +242,7 @@ def ready(scenario: Scenario, report: CheckReport) -> tuple[Scenario, str | None
     if report.verdict == "go":
         return scenario, None, None
     shift_m = report.proposed_seat_shift_m
-    if shift_m is not None and len(report.reasons) == 1 and abs(shift_m - scenario.chair.seat_shift_m) <= SEAT_SHIFT_M:
+    if shift_m is not None and len(report.reasons) == 1:
         moved = scenario.changed(chair={"seat_shift_m": shift_m})
         by_m = shift_m - scenario.chair.seat_shift_m
         return moved, None, f"seat shifted by {by_m * 1000.0:+.0f} mm along the chair: {report.reasons[0]}"

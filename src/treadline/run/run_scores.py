@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 from operator import attrgetter
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from treadline.core.angles import DEG
 from treadline.core.arrays import rms
@@ -151,8 +151,8 @@ def score(trace: Trace, phases: tuple[tuple[float, str], ...] = (), *, upward: b
         roll_back_m=roll_back(onward, trace["pitch_rad"]),
         lateral_m=float(np.abs(y - y[0]).max()),
         climbed_m=float(x[-1] - x[0]),
-        seat_rms_deg=_reported(np.square(seat), lambda squares: np.sqrt(squares.mean()) / DEG),
-        seat_max_deg=_reported(np.abs(seat), lambda error: error.max() / DEG),
+        seat_rms_deg=_reported(seat, lambda error: np.sqrt(np.square(error).mean()) / DEG),
+        seat_max_deg=_reported(seat, lambda error: np.abs(error).max() / DEG),
         max_pitch_rate_deg_s=float(np.abs(lasting(trace["pitch_rate_rad_s"])).max()) / DEG,
         max_pitch_jolt_deg_s=float(np.abs(trace["pitch_rate_rad_s"]).max()) / DEG,
         min_stability_margin_deg=lasting_minimum(margin) / DEG,
@@ -168,7 +168,7 @@ def score(trace: Trace, phases: tuple[tuple[float, str], ...] = (), *, upward: b
         passenger_jerk_m_s3=passenger.jerk_m_s3,
         airborne_share=_reported(trace["airborne_share"], np.mean),
         max_contact_force_share=_reported(trace["contact_force_share"], np.max),
-        unconverged_share=_reported(trace["contact_residual_m_s2"] > TOLERANCE_M_S2, np.mean, trace["contact_residual_m_s2"]),
+        unconverged_share=_reported(trace["contact_residual_m_s2"], lambda residual: np.mean(residual > TOLERANCE_M_S2)),
         held_creep_mm_min=None if held_s is None else creep(trace, held_s),
         energy_wh=float(trace["power_w"].sum()) * TICK_S / 3600.0,
         peak_power_w=float(trace["power_w"].max()),
@@ -177,13 +177,9 @@ def score(trace: Trace, phases: tuple[tuple[float, str], ...] = (), *, upward: b
     )
 
 
-def _reported(
-    values: Float[np.ndarray, " T"] | Bool[np.ndarray, " T"],
-    summary: Callable[[np.ndarray], np.floating],
-    source: Float[np.ndarray, " T"] | None = None,
-) -> float | None:
+def _reported(values: Float[np.ndarray, " T"], summary: Callable[[np.ndarray], np.floating]) -> float | None:
     """Return a summary of what the simulator reports, or None where it reports nothing."""
-    return None if np.isnan(values if source is None else source).any() else float(summary(values))
+    return None if np.isnan(values).any() else float(summary(values))
 
 
 def creep(trace: Trace, held_s: float) -> float | None:

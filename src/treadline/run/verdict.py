@@ -8,7 +8,7 @@ states its number and a remedy; a remedy against an unquiet walk has been walked
 import itertools
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -46,12 +46,10 @@ a stop from cruise speed needs another sixth."""
 TURNED_RAD = 2.0 * DEG
 """Largest difference in direction of neighbouring nosings [rad]: over the gauge of 0.65 m one side lies 23 mm further, twice
 the deviation of a run."""
-SIDES = ("uphill", "downhill", "left", "right")
-"""Directions of tipping."""
 LEAST_RAD = MARGIN_LIMIT_RAD - UNKNOWN_RAD
 """Least tip-over margin on the way [rad]."""
 SHIFTS_M = (0.02, -0.02, 0.05, -0.05, 0.1, -0.1)
-"""Shifts of the seat that are tried as a remedy [m]."""
+"""Shifts of the seat that are tried as a remedy, and applied before a traversal [m]."""
 END_CLEAR_M = 0.40
 """Distance of the belts from a drop at a landing's far end [m]: the guard keeps 0.34 m and the stopping distance at 0.1 m/s."""
 LANDING_SPARE_M = 0.60
@@ -180,7 +178,7 @@ def check(scenario: Scenario, chair: ChairDescription, mission: MissionConfig) -
         friction_needed_with_reserve=friction_needed(slope),
         friction_available=stair.mean_friction[0],
         friction_use_at_start=friction_use(slope, heading, stair.mean_friction),
-        stability_margin_deg={side: getattr(margins, side) / DEG for side in SIDES},
+        stability_margin_deg={side: margin_rad / DEG for side, margin_rad in asdict(margins).items()},
         seat_range_deg=None if seat_range is None else (seat_range[0] / DEG, seat_range[1] / DEG),
         proposed_seat_shift_m=shift,
         warnings=_unit_warnings(scenario, chair),
@@ -281,8 +279,7 @@ def _remedies(
 
 def _leans(margins: Margins) -> str | None:
     """Return to which side the chair leans too much."""
-    side = min(("left", "right"), key=lambda name: float(getattr(margins, name)))
-    margin_rad = float(getattr(margins, side))
+    margin_rad, side = min((margins.left, "left"), (margins.right, "right"))
     if margin_rad >= MARGIN_LIMIT_RAD:
         return None
     text = f"the tipping margin {side} is {margin_rad / DEG:.1f}°, below {MARGIN_LIMIT_RAD / DEG:g}°; "

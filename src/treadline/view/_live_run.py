@@ -162,7 +162,7 @@ class LiveRun:
 
     def _episode(self, setup: Setup) -> Traverse:
         blocks = None
-        if not (setup.is_full_traversal and setup.rejections):
+        if not setup.refusal:
             built = setup.build_blocks()
             self._waiting.append(("limits", Limits.of_guard(asdict(built.guard.config))))
             blocks = replace(
