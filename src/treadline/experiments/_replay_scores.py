@@ -4,8 +4,9 @@ The mission receives none of these signals. Recorded signals are buffered for on
 """
 
 import math
+import re
 from array import array
-from collections import defaultdict, deque
+from collections import Counter, defaultdict, deque
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -27,6 +28,7 @@ from treadline.core.signals import (
     SeatReading,
     TrackCommand,
 )
+from treadline.mission import Detection
 from treadline.mission.loop import Signal, Tick
 from treadline.run.recorded_run import PLAIN_SERIES, SERIES
 from treadline.run.run_scores import settling_time
@@ -60,6 +62,8 @@ class ReplayScores:
     frames: int = 0
     seen: int = 0
     events: list[Event] = field(default_factory=list)
+    refusals: Counter[str] = field(default_factory=Counter)
+    """Number of frames by the kind of reason for which the detector rejected them."""
     _waiting: dict[type, deque[Any]] = field(default_factory=dict)
     _now: list[HeadingMeasurement] = field(default_factory=list)
     _last: dict[type, Any] = field(default_factory=dict)
@@ -83,6 +87,13 @@ class ReplayScores:
                 self.events.append(signal)
             case _:
                 pass
+
+    def saw(self, seen: Detection) -> None:
+        """Count the reason of a rejected frame without its numbers; a number in brackets is an equation's."""
+        sight = getattr(seen, "sight", "of another detector")
+        reason = getattr(sight, "reason", None if seen.measurement is not None or sight is None else "no heading")
+        if reason is not None:
+            self.refusals[re.sub(r"(?<!\()[+-]?\d+(\.\d+)?", "#", reason)] += 1
 
     def compare_with(self, signal: Any) -> None:
         """Buffer a recorded signal other than a sensor reading, for the comparison at its tick."""

@@ -3,10 +3,7 @@
 The mission is the one that drives the chair; its plant is the recording. Ground truth in the log is read here and nowhere else.
 """
 
-import re
 import time
-from array import array
-from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -18,7 +15,6 @@ from treadline.core.camera_images import RgbdFrame
 from treadline.core.errors import LogFormatError, SettingsError
 from treadline.core.files import read_json
 from treadline.core.kernel_cache import compiling
-from treadline.core.rotations import Vector3
 from treadline.core.settings import settings_of
 from treadline.core.signals import TICK_S, Event
 from treadline.experiments._replay_scores import ReplayScores
@@ -34,7 +30,7 @@ from treadline.io.runs import (
     write_series,
 )
 from treadline.io.sensor_log import SensorLog
-from treadline.mission import Detector
+from treadline.mission import Detection, Detector
 from treadline.mission.loop import Mission, Signal
 from treadline.mission.mission_blocks import detector_of
 from treadline.mission.mission_config import MissionConfig
@@ -129,12 +125,18 @@ def replayed_run(
     sources = plugins.sources()
     written = begin_run(out, manifest, source.seed, settings.mission.controller, **({"plugins": sources} if sources else {}))
     scores = ReplayScores()
-    watched = _Watched(detector_of(settings.mission) if plugins.detector is not None else StairDetector(settings.detector))
+    seeing = detector_of(settings.mission) if plugins.detector is not None else StairDetector(settings.detector)
     try:
         with (
             RunLog(out / LOG, image_every=int(log_images), metadata=log_metadata(written, source.scenario, out)) as run_log,
             SceneLog(run_log, settings.mission.chair, Chair(payload_kg=settings.mission.payload_kg)) as sink,
         ):
+
+            def saw(frame: RgbdFrame, seen: Detection) -> None:
+                scores.saw(seen)
+                sink.saw(frame, seen)
+
+            watched = WatchedDetector(seeing, saw)
             started = time.process_time() - compiling().spent_s
             cause, rejected = _play(recording, settings, watched, scores, sink, on_progress)
             cpu_s = time.process_time() - compiling().spent_s - started
@@ -149,7 +151,7 @@ def replayed_run(
         "frames": scores.frames,
         "accepted": scores.seen,
         "rejected": rejected,
-        "refusals": dict(watched.refusals.most_common()),
+        "refusals": dict(scores.refusals.most_common()),
         **scores.figures(),
         "ms_per_frame": 1e3 * float(np.median(np.array(watched.spent_s))) if watched.spent_s else None,
         "real_time_factor": scores.ticks * TICK_S / max(cpu_s, 1e-9),
@@ -164,7 +166,7 @@ def replayed_run(
 def _play(
     recording: SensorLog,
     settings: ReplaySettings,
-    detector: "_Watched",
+    detector: Detector,
     scores: ReplayScores,
     sink: SceneLog,
     on_progress: Callable[[float, float], None] | None,
@@ -181,7 +183,7 @@ def _play(
         if isinstance(signal, Event):
             sink(signal, now_s)
 
-    blocks = settings.blocks(WatchedDetector(detector, sink.saw), shows_stair=recording.shows_stair)
+    blocks = settings.blocks(detector, shows_stair=recording.shows_stair)
     plant = ReplayPlant(recording.arrivals(aside), settings.R_BI)
     mission = Mission(plant, blocks, log)
     while not plant.over:
@@ -195,26 +197,6 @@ def _play(
             on_progress(tick.t_s, recording.duration_s)
     plant.close()
     return recording.ended or blocks.guard.holding, blocks.estimator.rejected_count
-
-
-class _Watched:
-    """A stair detector, with its time per frame and its rejection reasons counted."""
-
-    def __init__(self, detector: Detector) -> None:
-        self._detector = detector
-        self.refusals: Counter[str] = Counter()
-        self.spent_s = array("d")
-
-    def see(self, frame: RgbdFrame, gravity_C: Vector3 | None = None) -> Any:
-        """Return what the detector returns for a frame."""
-        started = time.perf_counter()
-        seen = self._detector.see(frame, gravity_C)
-        self.spent_s.append(time.perf_counter() - started)
-        sight = getattr(seen, "sight", "of another detector")
-        reason = getattr(sight, "reason", None if seen.measurement is not None or sight is None else "no heading")
-        if reason is not None:
-            self.refusals[_kind_of(reason)] += 1
-        return seen
 
 
 # ---- the log, and the manifest of the run that wrote it ----
@@ -259,8 +241,3 @@ def source_of(log: Path) -> Source:
         controller=None if kept is None else str(kept),
         plugins=plugins,
     )
-
-
-def _kind_of(reason: str) -> str:
-    """Return a rejection reason without its numbers, so that equal reasons count as one; a number in brackets is an equation's."""
-    return re.sub(r"(?<!\()[+-]?\d+(\.\d+)?", "#", reason)
