@@ -35,6 +35,7 @@ def reproduce(
     from treadline.cli._output import Progress
     from treadline.core.errors import SettingsError
     from treadline.core.processes import default_workers
+    from treadline.experiments import gazebo
     from treadline.experiments.plan import QUICK, WHOLE
     from treadline.experiments.reproduce import reproduce_paper
     from treadline.io.runs import remove
@@ -48,18 +49,14 @@ def reproduce(
     claim(out, force=force)
     remove(out, ("results.json", "report.html"))  # an interrupted run must not leave an older result
     compile_once()
-    if plant == "gazebo":
-        from treadline.experiments import gazebo
-
-        with Progress("reproduce", gazebo.job_count(plan)) as progress:
-            values = gazebo.reproduce_in_gazebo(plan, out, workers=workers or default_workers(), done=progress.done)
-        place = f"done in {values['wall_s']:.0f} s; results: {out / 'results.json'}"
-        return Answer(values=values, summary=[*gazebo.summary(values), place])
     started = time.monotonic()
+    run = gazebo.reproduce_in_gazebo if plant == "gazebo" else reproduce_paper
     with Progress("reproduce") as progress:
-        results = reproduce_paper(plan, out, workers=workers or default_workers(), progress=progress)
+        values = run(plan, out, workers=workers or default_workers(), progress=progress)
     done = f"done in {time.monotonic() - started:.0f} s; results: {out / 'results.json'}"
-    return Answer(values=results, summary=[*answer(results), done, f"report: {out / 'report.html'}"])
+    if plant == "gazebo":
+        return Answer(values=values, summary=[*gazebo.summary(values), done])
+    return Answer(values=values, summary=[*answer(values), done, f"report: {out / 'report.html'}"])
 
 
 def report(run: Path, /) -> Answer:

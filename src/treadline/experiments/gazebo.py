@@ -19,7 +19,7 @@ from treadline.experiments import _fig08_to_fig10
 from treadline.experiments._fig08_to_fig10 import ExciteJob, Recorded
 from treadline.experiments._job_pool import RunJob, run_jobs
 from treadline.experiments.plan import CONTROLLER_GROUND, PAPER_FRICTION, ReproducePlan, excitation, without_images
-from treadline.experiments.reproduce import Done, excitations, learn
+from treadline.experiments.reproduce import Reporter, excitations, learn
 from treadline.io.runs import provenance
 from treadline.plant.gazebo import find_environment
 from treadline.run.resolve import PlantName
@@ -27,13 +27,7 @@ from treadline.run.resolve import PlantName
 SIMULATORS: tuple[PlantName, ...] = ("gazebo", "mujoco")
 
 
-def job_count(plan: ReproducePlan) -> int:
-    """Return the number of jobs that ``reproduce_in_gazebo`` reports as done."""
-    drives = 2 * len(plan.slopes_deg) * (1 + len(plan.seeds))
-    return len(SIMULATORS) * (len(_excitations(plan, Path(), "mujoco")) + drives)
-
-
-def reproduce_in_gazebo(plan: ReproducePlan, out: Path, *, workers: int, done: Done) -> dict[str, Any]:
+def reproduce_in_gazebo(plan: ReproducePlan, out: Path, *, workers: int, progress: Reporter) -> dict[str, Any]:
     """Run both simulators and write ``results.json``; models, ``controller.json`` and ``runs/`` are in one folder per simulator.
 
     Returns:
@@ -45,7 +39,9 @@ def reproduce_in_gazebo(plan: ReproducePlan, out: Path, *, workers: int, done: D
     find_environment()
     started = time.monotonic()
     plan = replace(plan, quick=False, grounds=(CONTROLLER_GROUND,), frictions=(PAPER_FRICTION,))
-    found = {name: _paper_in(plan, out / name, name, workers=workers, done=done) for name in SIMULATORS}
+    drives = 2 * len(plan.slopes_deg) * (1 + len(plan.seeds))
+    progress.begin(len(SIMULATORS) * (len(excitations(plan, out)) + drives))
+    found = {name: _paper_in(plan, out / name, name, workers=workers, progress=progress) for name in SIMULATORS}
     values: dict[str, Any] = plain(
         {**found, "compared": compared(found["gazebo"], found["mujoco"]), "wall_s": time.monotonic() - started, **provenance()}
     )
@@ -85,9 +81,9 @@ def summary(values: dict[str, Any]) -> list[str]:
     return lines
 
 
-def _paper_in(plan: ReproducePlan, out: Path, open_plant: PlantName, *, workers: int, done: Done) -> dict[str, Any]:
+def _paper_in(plan: ReproducePlan, out: Path, open_plant: PlantName, *, workers: int, progress: Reporter) -> dict[str, Any]:
     def report(what: str) -> None:
-        done(f"{open_plant} {what}")
+        progress.done(f"{open_plant} {what}")
 
     runs = out / "runs"
     recordings: list[Recorded] = run_jobs(_excitations(plan, runs, open_plant), workers=workers, done=report)
@@ -106,9 +102,8 @@ def _paper_in(plan: ReproducePlan, out: Path, open_plant: PlantName, *, workers:
 
 
 def _excitations(plan: ReproducePlan, runs: Path, open_plant: PlantName) -> list[ExciteJob]:
-    jobs = excitations(replace(plan, quick=False, grounds=(CONTROLLER_GROUND,)), runs)
     ground = without_images(excitation(CONTROLLER_GROUND))
-    return [replace(job, scenario=ground, image_every=0, open_plant=open_plant) for job in jobs]
+    return [replace(job, scenario=ground, image_every=0, open_plant=open_plant) for job in excitations(plan, runs)]
 
 
 def _drives(plan: ReproducePlan, controller: ControllerDesign, runs: Path, open_plant: PlantName) -> list[RunJob]:

@@ -35,7 +35,6 @@ from treadline.plant.mujoco import open_plant
 from treadline.report import write_report
 from treadline.report.comparison import TILT_DEG
 
-Done = Callable[[str], None]
 FIT_SEED, FRESH_SEED = 0, 1
 """Seeds of the recording for fitting and of the recording for validation."""
 RENDERED_COST = 1.7
@@ -43,7 +42,7 @@ RENDERED_COST = 1.7
 a loaded machine. It orders jobs and enters no result."""
 
 
-class _Reporter(Protocol):
+class Reporter(Protocol):
     """Receives the progress of a reproduction."""
 
     def begin(self, total: int) -> None:
@@ -56,7 +55,7 @@ class _Reporter(Protocol):
         """Receive the titles of the jobs that run."""
 
 
-def reproduce_paper(plan: ReproducePlan, out: Path, *, workers: int, progress: _Reporter) -> dict[str, Any]:
+def reproduce_paper(plan: ReproducePlan, out: Path, *, workers: int, progress: Reporter) -> dict[str, Any]:
     """Run everything and write ``results.json``, ``report.html``, ``model-*.json``, ``controller.json`` and ``runs/``.
 
     Returns:
