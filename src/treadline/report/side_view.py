@@ -70,14 +70,11 @@ def silhouettes(
 
 def _solids(count: int, faces: Int[np.ndarray, "f 3"]) -> Iterator[Int[np.ndarray, "_ 3"]]:
     """Yield the faces of each connected solid of a mesh with ``count`` vertices."""
-    label = np.arange(count)
-    while True:
-        lowest = label[faces].min(axis=1)
-        before = label.copy()
-        for corner in range(3):
-            np.minimum.at(label, faces[:, corner], lowest)
-        if np.array_equal(before, label):
-            break
+    from scipy.sparse import coo_array  # a fifth of a second to import
+    from scipy.sparse.csgraph import connected_components
+
+    starts, ends = faces[:, [0, 1, 1, 2]].reshape(-1, 2).T
+    _, label = connected_components(coo_array((np.ones(len(starts)), (starts, ends)), shape=(count, count)), directed=False)
     of_face = label[faces[:, 0]]
     for name in np.unique(of_face):
         yield faces[of_face == name]
@@ -125,15 +122,6 @@ MIDDLE_M = 0.17
 """Lateral distance from the middle within which solids count as neither near nor far [m]."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Group:
-    """Silhouettes of one body at one depth: far (left side), middle or near."""
-
-    body: BodyName
-    depth: str
-    shapes: tuple[Silhouette, ...]
-
-
 class SideViews:
     """Side views of one recording; ``definitions`` must be on the page before the first view.
 
@@ -154,9 +142,9 @@ class SideViews:
     def definitions(self) -> str:
         """SVG that defines the outlines of all bodies, not shown by itself."""
         groups = ""
-        for group in self._groups:
-            shapes = "".join(_path(shape.loops, shape.colour) for shape in group.shapes)
-            groups += f'<g id="{self._prefix}-{group.depth}-{group.body}">{shapes}</g>'
+        for (depth, body), shapes in self._groups.items():
+            drawn = "".join(_path(shape.loops, shape.colour) for shape in shapes)
+            groups += f'<g id="{self._prefix}-{depth}-{body}">{drawn}</g>'
         hidden = 'width="0" height="0" style="position:absolute" aria-hidden="true"'
         return f'<svg class="side-shapes" {hidden}><defs>{groups}</defs></svg>'
 
@@ -168,23 +156,22 @@ class SideViews:
         """
         k = self._recording.index_at(t_s)
         R_WB, p_WB = rotation_of(self._recording.quat_WB[k]), self._recording.p_WB[k]
-        along_rad = _flight_yaw(self._staircase, p_WB, R_WB)
+        stair = self._staircase
+        R_WF = R_WB if stair is None else stair.flight_frame(stair.flight_at(p_WB, R_WB))[0]
+        along_rad = math.atan2(R_WF[1, 0], R_WF[0, 0])
         across = np.array([[math.cos(along_rad), math.sin(along_rad), 0.0], [0.0, 0.0, 1.0]])
         (width, height), centre = VIEW_M, across @ p_WB + np.array([0.15, 0.62])
         left, top = centre[0] - 0.5 * width, centre[1] + 0.5 * height
         poses = body_poses(
             self._recording.chair, self._loading, float(self._recording.seat_rad[k]), float(self._recording.flipper_rad[k])
         )
-        drawn = [_stair(self._staircase, across, p_WB, (left, left + width))] if self._staircase is not None else []
+        drawn = [_stair(stair, across, p_WB, (left, left + width))] if stair is not None else []
         for depth in ("far", "middle", "near"):
             if depth == "near":
                 drawn.append(self._lugs(k, across, R_WB, p_WB))
-            for group in self._groups:
-                if group.depth == depth:
-                    X = poses[group.body]
-                    drawn.append(
-                        _use(f"{self._prefix}-{depth}-{group.body}", across @ R_WB @ X[:3, :3], across @ (R_WB @ X[:3, 3] + p_WB))
-                    )
+            for body in (body for at, body in self._groups if at == depth):
+                X, name = poses[body], f"{self._prefix}-{depth}-{body}"
+                drawn.append(_use(name, across @ R_WB @ X[:3, :3], across @ (R_WB @ X[:3, 3] + p_WB)))
         return (
             f'<svg class="side" viewBox="{left:.3f} {-top:.3f} {width} {height}" role="img" aria-label="{escape(words)}">'
             f'<g transform="scale(1 -1)">{"".join(drawn)}</g></svg>'
@@ -201,16 +188,6 @@ class SideViews:
         corners = np.column_stack([outline[:, 0], np.zeros(len(outline)), outline[:, 1], np.ones(len(outline))])
         places = np.einsum("nij,cj->nci", poses[:, :3], corners) @ R_WB.T + p_WB
         return _path([place @ across.T for place in places], colour("belt"))
-
-
-def _flight_yaw(staircase: Staircase | None, p_WB: Vector3, R_WB: Rotation) -> float:
-    """Return the direction of the flight under the chair about the vertical [rad]."""
-    if staircase is None:
-        return math.atan2(R_WB[1, 0], R_WB[0, 0])
-    if not staircase.turn_rad:
-        return 0.0
-    R_WF, _ = staircase.flight_frame(staircase.flight_at(p_WB, R_WB))
-    return math.atan2(R_WF[1, 0], R_WF[0, 0])
 
 
 def _stair(staircase: Staircase, across: Float[np.ndarray, "2 3"], p_WB: Vector3, reach: tuple[float, float]) -> str:
@@ -233,14 +210,14 @@ def _stair(staircase: Staircase, across: Float[np.ndarray, "2 3"], p_WB: Vector3
     return f'<g class="stone">{"".join(drawn)}</g>'
 
 
-def _groups(parts: Sequence[MeshPart]) -> list[_Group]:
-    """Return the silhouettes of the chair's bodies, the farthest first within each group."""
+def _groups(parts: Sequence[MeshPart]) -> dict[tuple[str, BodyName], list[Silhouette]]:
+    """Return the silhouettes by depth (far is the left side, middle, near) and body, the farthest first in each list."""
     found: dict[tuple[str, BodyName], list[Silhouette]] = {}
     for shape in silhouettes(parts):
         depth = "near" if shape.depth_m > MIDDLE_M else "far" if shape.depth_m < -MIDDLE_M else "middle"
         if max(map(area_m2, shape.loops)) >= LEAST_M2:
             found.setdefault((depth, shape.body), []).append(shape)
-    return [_Group(body=body, depth=depth, shapes=tuple(shapes)) for (depth, body), shapes in found.items()]
+    return found
 
 
 def _hull(points: Float[np.ndarray, "n 2"]) -> Loop:
