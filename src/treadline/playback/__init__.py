@@ -23,6 +23,7 @@ from treadline.playback._nosings import (
     comparison_of,
     in_runs,
     perceived_text,
+    pixels_of,
 )
 from treadline.playback._read_run import bag_origin_ns, manifest_of, read_frames, read_recording, run_folder_of
 from treadline.playback._recording import Limits, PerceivedStair, PhaseSpan, Recording, staircase_of

@@ -32,14 +32,10 @@ class FrameNosings:
 
     t_s: float
     """Exposure time of the frame [s]."""
-    taken_s: float
-    """Time at which the mission took the result [s]."""
     found: tuple[int, ...]
     """True nosings that were perceived."""
     missed: tuple[int, ...]
     """True nosings in the image that were not perceived, see ``NosingComparison.compare``."""
-    ends: bool
-    """Whether the detector took the last perceived nosing for the last of the flight."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,8 +44,6 @@ class NosingRecord:
 
     frames: tuple[FrameNosings, ...]
     """Frames in which a stair was perceived."""
-    count: int
-    """Number of nosings of the stair."""
 
     def missed(self) -> dict[int, tuple[float, ...]]:
         """Return the exposure times of the frames that missed a nosing, by the number of the nosing [s]."""
@@ -173,18 +167,9 @@ class NosingComparison:
     def in_view(self, points_B: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
         """Return which points are in the image."""
         camera = self.camera
-        u, v, z = self._pixels_of(points_B)
+        u, v, z = pixels_of(camera, points_B)
         inside = (u >= 0.0) & (u <= camera.width_px) & (v >= 0.0) & (v <= camera.height_px)
         return np.asarray((z > 0.0) & inside)
-
-    def _pixels_of(
-        self, points_B: Float[np.ndarray, "n 3"]
-    ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-        """Return column, row and depth of points [px, px, m]; of points behind the camera, the depth alone counts."""
-        camera = self.camera
-        x, y, z = ((points_B - np.array(camera.mount_m)) @ camera.R_BC).T
-        depth = np.where(z > 0.0, z, 1.0)
-        return camera.fx_px * x / depth + camera.cx_px, camera.fy_px * y / depth + camera.cy_px, z
 
     def why_missed(self, number: int, depth_m: Float[np.ndarray, "h w"], R_WB: Rotation, p_WB: Vector3) -> str:
         """Return why a true nosing was missed in a frame, by the depth along it: the cause of at least half of its points.
@@ -221,11 +206,20 @@ class NosingComparison:
         along = np.diff(self.ends_W[self.place_of(number)], axis=0)[0] @ R_WB
         offsets = np.linspace(-HALF_LINE_M, HALF_LINE_M, POINTS)[:, None]
         points = self._middle_of(number, R_WB, p_WB) + offsets * along / np.linalg.norm(along)
-        u, v, z = self._pixels_of(points[self.in_view(points)])
+        u, v, z = pixels_of(self.camera, points[self.in_view(points)])
         step = round(self.camera.width_px / depth_m.shape[1])
         rows = np.clip(np.round(v / step).astype(int), 0, depth_m.shape[0] - 1)
         columns = np.clip(np.round(u / step).astype(int), 0, depth_m.shape[1] - 1)
         return depth_m[rows, columns], z
+
+
+def pixels_of(
+    camera: PinholeCamera, points_B: Float[np.ndarray, "n 3"]
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Return column, row and depth of points [px, px, m]; of points behind the camera, the depth alone counts."""
+    x, y, z = ((points_B - np.array(camera.mount_m)) @ camera.R_BC).T
+    depth = np.where(z > 0.0, z, 1.0)
+    return camera.fx_px * x / depth + camera.cx_px, camera.fy_px * y / depth + camera.cy_px, z
 
 
 def nosing_record(recording: Recording) -> NosingRecord | None:
@@ -233,9 +227,7 @@ def nosing_record(recording: Recording) -> NosingRecord | None:
     comparison = comparison_of(recording)
     if comparison is None or not recording.has_poses:
         return None
-    return NosingRecord(
-        frames=tuple(_frame(comparison, recording, seen) for seen in recording.maps), count=int(comparison.numbers.max())
-    )
+    return NosingRecord(frames=tuple(_frame(comparison, recording, seen) for seen in recording.maps))
 
 
 def comparison_of(recording: Recording) -> NosingComparison | None:
@@ -250,4 +242,4 @@ def comparison_of(recording: Recording) -> NosingComparison | None:
 def _frame(comparison: NosingComparison, recording: Recording, seen: PerceivedStair) -> FrameNosings:
     k = recording.index_at(seen.t_s)
     found, missed = comparison.compare(seen.nosings_B, rotation_of(recording.quat_WB[k]), recording.p_WB[k])
-    return FrameNosings(t_s=seen.t_s, taken_s=seen.taken_s, found=found, missed=missed, ends=seen.ends)
+    return FrameNosings(t_s=seen.t_s, found=found, missed=missed)

@@ -239,8 +239,6 @@ class BeltRun(Part):
     friction: Pair
     lug: str
     """Height and pitch of the lugs [mm], as in ``15/80``; none is a smooth belt."""
-    rubber_s: float | None
-    """Contact time constant of the belts' rubber; None for the plant's own."""
     rms_heading_deg: float
     roll_back_m: float
     passenger_m_s2: float

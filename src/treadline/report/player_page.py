@@ -29,6 +29,7 @@ from treadline.playback import (
     findings_of,
     in_runs,
     perceived_text,
+    pixels_of,
     read_frames,
 )
 from treadline.report._html import TEMPLATES, in_base64, json_in_page, packed, page_of
@@ -73,9 +74,10 @@ def player_page(recording: Recording) -> str:
     return page_of(
         "player.html.j2",
         {},
-        title=_title_of(recording),
-        summary=_summary(recording),
-        missing=recording.missing,
+        name=Path(recording.source).name or "run",
+        recording=recording,
+        verdicts=VERDICTS,
+        degree=DEG,
         player=embedded(player_data(recording), recording),
     )
 
@@ -172,28 +174,6 @@ def transient_s(recording: Recording) -> float | None:
     return round(shown_s, 2) if 0.0 < shown_s < TRANSIENT_SHARE * recording.duration_s else None
 
 
-def _title_of(recording: Recording) -> str:
-    """Return the page's title: name, verdict and duration."""
-    name = Path(recording.source).name or "run"
-    verdict = VERDICTS.get(recording.verdict or "", recording.verdict or "recorded")
-    cause = f": {recording.cause}" if recording.cause else ""
-    return f"{name} {verdict} after {recording.duration_s:.2f} s{cause}"
-
-
-def _summary(recording: Recording) -> str:
-    scenario = recording.scenario
-    if scenario is None:
-        return f"Chair model: {recording.chair.name}."
-    stair = scenario.stair
-    kerb = f"a step of {stair.rise_m:g} m"
-    flight = kerb if stair.steps == 1 else f"a stair of {stair.slope_rad / DEG:.0f}° with {stair.steps} steps"
-    return (
-        f"Simulated with seed {recording.seed}: {recording.chair.name} with a payload of {scenario.chair.payload_kg:g} kg, "
-        f"{'up' if scenario.drive.direction == 'up' else 'down'} {flight}, "
-        f"friction {stair.friction[0]:g} along and {stair.friction[1]:g} across the belts. No claim to any safety standard is made."
-    )
-
-
 def _pose(recording: Recording) -> dict[str, Any]:
     quaternions = recording.quat_WB.copy()
     flips = np.concatenate([[1.0], np.sign(np.einsum("ij,ij->i", quaternions[1:], quaternions[:-1]))])
@@ -261,13 +241,11 @@ def _nosing_lines_in(recording: Recording, seen: PerceivedStair | None) -> list[
     heading = recording.estimate_rad[recording.index_at(seen.t_s)]
     heading = heading if math.isfinite(heading) else 0.0
     across = 0.4 * np.array([math.sin(heading), math.cos(heading), 0.0])
-    found = []
-    for nosing in np.array(seen.nosings_B).reshape(-1, 3):
-        ends = [camera.R_BC.T @ (nosing + side * across - np.array(camera.mount_m)) for side in (1.0, -1.0)]
-        if all(end[2] > 0.1 for end in ends):
-            pixels = [(camera.cx_px + camera.fx_px * e[0] / e[2], camera.cy_px + camera.fy_px * e[1] / e[2]) for e in ends]
-            found.append([round(v, 4) for x, y in pixels for v in ((x + 0.5) / camera.width_px, (y + 0.5) / camera.height_px)])
-    return found
+    ends_B = np.stack([seen.nosings_B + across, seen.nosings_B - across], axis=1)
+    u, v, z = pixels_of(camera, ends_B.reshape(-1, 3))
+    lines = np.column_stack([(u + 0.5) / camera.width_px, (v + 0.5) / camera.height_px]).reshape(-1, 4)
+    shares: list[list[float]] = lines[(z.reshape(-1, 2) > 0.1).all(axis=1)].round(4).tolist()
+    return shares
 
 
 def _extent(recording: Recording) -> dict[str, Any]:
