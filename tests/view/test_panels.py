@@ -21,13 +21,13 @@ from treadline.vehicle.staircase import as_designed
 from treadline.view._messages import Handset, Obstacle, ShownFrame, latest
 from treadline.view._panels import (
     GREEN,
+    HTML,
     ORANGE,
     PANELS,
     RED,
     camera_html,
     legend_html,
     text_on,
-    timeline_html,
     way_html,
 )
 from treadline.view._plots import LIVE_PLOTS, plot_data, shown_plots, way_lines
@@ -106,13 +106,13 @@ def test_a_limit_is_drawn_in_the_phases_in_which_it_applies() -> None:
 
 
 def test_the_name_of_a_phase_is_shown_whole_or_not_at_all() -> None:
-    drawn = timeline_html(session_of(a_run(more=(Event(t_s=29.5, name="traction", cause="on two nosings"),)), 1.0))
+    drawn = HTML.timeline(session_of(a_run(more=(Event(t_s=29.5, name="traction", cause="on two nosings"),)), 1.0))
     assert "&nbsp;climb</div>" in drawn
     assert "&nbsp;</div>" in drawn
 
 
 def test_the_timeline_marks_phases_hold_rearming_fork_and_cursor() -> None:
-    assert timeline_html(held_and_forked()).count("position:absolute") == 6  # two phases, and one each of the others
+    assert HTML.timeline(held_and_forked()).count("position:absolute") == 6  # two phases, and one each of the others
 
 
 @pytest.mark.parametrize("colour", [*map(phase_colour, PHASES), ORANGE, GREEN, RED])

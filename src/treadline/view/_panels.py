@@ -4,7 +4,6 @@ The markup stands in ``panels.html.j2``, a macro for each panel.
 """
 
 import base64
-import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -50,24 +49,12 @@ def state_html(session: Session) -> str:
     return str(HTML.state(session, run.phase_at(t_s), holding_at(run.events, t_s), slowed))
 
 
-def timeline_html(session: Session) -> str:
-    """Return the phases as a bar, with holds, faults, camera silence, the cursor, and the instant of a fork."""
-    return str(HTML.timeline(session, session.ghost, max(session.feed.end_s, 1e-3)))
-
-
 def events_html(session: Session) -> str:
     """Return events, faults, camera silence and other moments up to the cursor, the newest first."""
     found = [(event.t_s, event.name, event.cause) for event in session.run.events]
     found += [(moment.t_s, moment.name, moment.cause) for moment in session.moments.listed if moment.kind != "event"]
     past = sorted(entry for entry in found if entry[0] <= session.cursor_s + 1e-6)
     return str(HTML.events(past[-EVENTS_SHOWN:][::-1]))
-
-
-def handset_html(session: Session) -> str:
-    """Return the state of the handset and the distance travelled by the belts."""
-    run = session.run
-    travelled_m = 0.0 if session.feed.is_empty else float(run.belt_travel_m[run.index_at(session.cursor_s)].mean())
-    return str(HTML.handset(session.handset, travelled_m, session.dropped))
 
 
 def camera_html(session: Session) -> str:
@@ -114,15 +101,6 @@ def camera_warning(session: Session) -> str | None:
     return f"no frame for {t_s - since_s:.1f} s, since {since_s:.2f} s: the camera is silent"
 
 
-def outcome_html(session: Session) -> str:
-    """Return how a fork went, next to the run."""
-    fork = session.ghost  # a client may remove it at any time
-    if fork is None:
-        return "" if session.can_repeat else str(HTML.no_fork())
-    hold = next((event for event in reversed(fork.feed.recording.events) if event.name == "hold"), None)
-    return str(HTML.outcome(session, fork, hold, time.perf_counter() - fork.began_at))
-
-
 def _reasons(missed: Mapping[int, str]) -> str:
     """Return the numbers of missed nosings with their reasons; nosings with the same reason are named together."""
     together: dict[str, list[int]] = {}
@@ -163,8 +141,8 @@ PANELS: Mapping[str, Callable[[Session], str]] = {
     "camera": camera_html,
     "answers": HTML.answers,
     "events": events_html,
-    "handset": handset_html,
+    "handset": HTML.handset,
     "contacts": HTML.contacts,
-    "outcome": outcome_html,
+    "outcome": HTML.outcome,
 }
 """Panels by name."""

@@ -79,6 +79,11 @@ class Fork:
     """Clock at the start of the simulation [s]."""
     moments: RunMoments = field(default_factory=RunMoments)
 
+    @property
+    def waited_s(self) -> float:
+        """Time since the start of the simulation [s]."""
+        return time.perf_counter() - self.began_at
+
 
 @dataclass(slots=True, kw_only=True)
 class Session:

@@ -13,7 +13,7 @@ from typing import Any
 from treadline.core.errors import SettingsError
 from treadline.scenario.faults import EXTENTS, Conditions, FaultKind
 from treadline.view._messages import SEND_S
-from treadline.view._panels import HTML, PANELS, STYLE, legend_html, timeline_html, way_html
+from treadline.view._panels import HTML, PANELS, STYLE, legend_html, way_html
 from treadline.view._plots import LOADING, add_plot, plot_data, shown_plots
 from treadline.view._scene import NARROW_CAMERA_M, NARROW_LOOK_AT_M, SHOWN, SceneView
 from treadline.view._session import SPEEDS, TRANSPORT, Session
@@ -281,7 +281,7 @@ class App:
             self._show_progress()
         for name, panel in self._panels.items():
             change(panel, "content", str(PANELS[name](session)))
-        self.timeline = timeline_html(session)
+        self.timeline = str(HTML.timeline(session))
 
     def _show_progress(self) -> None:
         """Show how far the fork is."""
