@@ -68,7 +68,6 @@ def write_run_page(folder: Path) -> Recording:
         "run.html.j2",
         drawings,
         player=embedded(data, recording),
-        missing=recording.missing,
         strip=film_strip(recording, data["images"]) if recording.has_poses else None,
         result=result,
         manifest=manifest,

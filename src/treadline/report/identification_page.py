@@ -125,15 +125,6 @@ class _Page:
         self.values["judged_samples"] = sum(len(record) for record in self.judged)
         self.values["given_samples"] = sum(len(record) for record in self.records)
         self.values["given_records"] = len(self.records)
-        fit, ahead = self.said.percent, self.said.one_step_vaf_percent
-        self.values["fits"] = [(item, fit.get(item.name), ahead.get(item.name)) for item in self.outputs]
-        self.values["extra"] = {
-            "dead time [samples]": ", ".join(map(str, self.said.delays)),
-            "order the inputs excite": self.said.excitation_order,
-        }
-        if self.said.mirrored:
-            self.values["extra"]["the inputs act by"] = "their difference alone"
-        self.values["gap"] = self.said.gap
         tried = self.said.candidates
         self.values["candidates"] = [item for k, item in enumerate(tried) if k < CANDIDATES_MOST or item.chosen]
         degrees, radians = ([c.name for c in (*self.inputs, *self.outputs) if mark in (c.unit or "")] for mark in ("°", "rad"))
@@ -216,15 +207,6 @@ class _Page:
         band = np.array([[runs.correlation_band(r, s, n) for s in given] for r, n in zip(own, counts.tolist(), strict=True)])
         own_band = NORMAL_95 / np.sqrt(counts)
         self.drawn["residuals"] = figures.residuals(own, own_band, across, band, self.drawn_in, self.drawn_out)
-        self.values["lags_tested"] = lags
-        self.values["tests"] = [
-            (label, p)
-            for label, p in (
-                ("residuals are white", self.said.whiteness_p),
-                ("residuals are independent of the inputs", self.said.crosscorrelation_p),
-            )
-            if p is not None
-        ]
 
     def _poles(self) -> None:
         values, spread = np.array([complex(*pair) for pair in self.said.poles], dtype=complex), self.said.pole_ci95

@@ -64,7 +64,6 @@ def write_player(recording: Recording, path: Path) -> Path:
     Raises:
         OSError: If the file cannot be written.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
     write_whole(path, player_page(recording))
     return path
 
@@ -75,7 +74,6 @@ def player_page(recording: Recording) -> str:
         "player.html.j2",
         {},
         name=Path(recording.source).name or "run",
-        recording=recording,
         verdicts=VERDICTS,
         degree=DEG,
         player=embedded(player_data(recording), recording),
@@ -85,24 +83,17 @@ def player_page(recording: Recording) -> str:
 def embedded(data: dict[str, Any], recording: Recording) -> dict[str, Any]:
     """Return what ``player_body.html.j2`` needs: script with its hash for the content security policy, style, and data."""
     script = "\n".join((TEMPLATES / name).read_text(encoding="utf-8") for name in SCRIPTS)
-    phases = ", ".join(span.name for span in recording.phases)
     digest = in_base64(hashlib.sha256(script.encode()).digest())
     return {
+        "recording": recording,
+        "signs": SIGNS,
         # The package's own files, base64, and JSON in which every "<" is escaped.
         "script": Markup(script),  # noqa: S704
         "script_hash": Markup(f"sha256-{digest}"),  # noqa: S704
-        "css": Markup(_signs_css() + (TEMPLATES / "player.css").read_text(encoding="utf-8")),  # noqa: S704
+        "css": Markup((TEMPLATES / "player.css").read_text(encoding="utf-8")),  # noqa: S704
         "legend": [(SIGNS[sign]["colour"], text) for sign in IN_SCENE for text in SIGNS[sign]["means"]],
         "data": Markup(json_in_page(data)),  # noqa: S704
-        "scene_text": f"Scene of chair and stair over {recording.duration_s:.0f} s" + (f"; phases: {phases}" if phases else ""),
     }
-
-
-def _signs_css() -> str:
-    """Return the colours of the signs as variables, for light and for dark paper."""
-    light = "".join(f"--sign-{name}:{sign['colour']};" for name, sign in SIGNS.items())
-    dark = "".join(f"--sign-{name}:{sign['dark']};" for name, sign in SIGNS.items() if "dark" in sign)
-    return f":root{{{light}}}@media (prefers-color-scheme: dark){{:root{{{dark}}}}}"
 
 
 def player_data(recording: Recording) -> dict[str, Any]:
