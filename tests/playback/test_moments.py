@@ -36,7 +36,7 @@ from treadline.playback._moments import (
     slipping,
     tipping_direction,
 )
-from treadline.playback._nosings import nosing_record
+from treadline.playback._nosings import missed_text, perceived_nosings
 from treadline.scenario.chair import read_chair
 from treadline.scenario.faults import Fault
 from treadline.scenario.scenario import Chair, Scenario, Stair
@@ -284,12 +284,12 @@ def test_the_record_of_a_run_names_missed_nosings_with_their_times() -> None:
     )
     pose = attitude_of(np.zeros(100), np.full(100, SLOPE_RAD), np.zeros(100))
     placed = {"p_WB": np.tile(p_WB, (100, 1)), "quat_WB": pose}
-    record = nosing_record(of_pitch(np.zeros(100), scenario=SCENARIO, maps=maps, **placed))
-    assert record.missed() == {6: (0.2, 0.4)}
-    assert record.verdict() == "2 of 4 frames with a perceived stair missed a nosing: nosing 6 in 2 frames (0.20 s to 0.40 s)"
-    none = nosing_record(of_pitch(np.zeros(100), scenario=SCENARIO, maps=maps[:1], **placed))
-    assert none.verdict() == "no nosing was missed in 1 frame with a perceived stair"
-    assert nosing_record(of_pitch(np.zeros(100), maps=maps)) is None
+    record = perceived_nosings(of_pitch(np.zeros(100), scenario=SCENARIO, maps=maps, **placed))
+    assert [(frame.t_s, frame.missed) for frame in record if frame.missed] == [(0.2, (6,)), (0.4, (6,))]
+    assert missed_text(record) == "2 of 4 frames with a perceived stair missed a nosing: nosing 6 in 2 frames (0.20 s to 0.40 s)"
+    none = perceived_nosings(of_pitch(np.zeros(100), scenario=SCENARIO, maps=maps[:1], **placed))
+    assert missed_text(none) == "no nosing was missed in 1 frame with a perceived stair"
+    assert perceived_nosings(of_pitch(np.zeros(100), maps=maps)) is None
 
 
 # ---- tip-over margin ----

@@ -22,6 +22,7 @@ from treadline.playback._nosings import (
     NosingComparison,
     comparison_of,
     in_runs,
+    missed_text,
     perceived_text,
     pixels_of,
 )

@@ -36,6 +36,7 @@ from treadline.playback._recording import (
     Limits,
     PerceivedStair,
     Recording,
+    ahead_of,
     phases_of,
     slip_of,
 )
@@ -237,9 +238,8 @@ class RecordingBuilder(SignalCollector):
         """
         t_s = np.unique(max((table.rows[:, 0] for table in self._tables.values()), key=len))
         imu = self._tables[ImuSample].rows
-        _, w, x, y, z, rate_rad_s = imu.T
-        pitch_rad = np.arcsin(np.clip(2.0 * (x * z - w * y), -1.0, 1.0))
-        turn = np.column_stack([imu[:, 0], pitch_rad, -rate_rad_s])
+        pitch_rad = np.arcsin(np.clip(ahead_of(imu[:, 1:5])[:, 2], -1.0, 1.0))
+        turn = np.column_stack([imu[:, 0], pitch_rad, -imu[:, 5]])
         pitch, seat_pitch = held(t_s, turn, 1), held(t_s, self._tables[SeatReading].rows, 1)
         belts = self._tables[TrackReading].rows
         belt_m_s = np.column_stack([held(t_s, belts, 1), held(t_s, belts, 2)])
@@ -332,10 +332,8 @@ def _reckoned(
         imu: Rows of ``COLUMNS``, at least one; the first holds before it too.
     """
     quat_WB = imu[np.maximum(np.searchsorted(imu[:, 0], t_s + ROUNDING_S, side="right") - 1, 0), 1:5]
-    w, x, y, z = quat_WB.T
-    ahead_W = np.column_stack([1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)])
     steps_m = np.nan_to_num(belt_m_s).mean(axis=1) * np.diff(t_s, prepend=t_s[:1])
-    return {"p_WB": np.cumsum(steps_m[:, None] * ahead_W, axis=0), "quat_WB": quat_WB}
+    return {"p_WB": np.cumsum(steps_m[:, None] * ahead_of(quat_WB), axis=0), "quat_WB": quat_WB}
 
 
 class GrowingRows:

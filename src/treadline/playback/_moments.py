@@ -22,7 +22,7 @@ from treadline.guard import SILENCE_S
 from treadline.io.columns import read_contents
 from treadline.io.mcap_read import has_arrivals
 from treadline.io.runs import LOG
-from treadline.playback._nosings import NosingRecord, nosing_record
+from treadline.playback._nosings import FrameNosings, perceived_nosings
 from treadline.playback._read_run import manifest_of
 from treadline.playback._recording import SLIP_WINDOW_S, Recording
 from treadline.scenario.chair import ChairDescription
@@ -103,7 +103,8 @@ class Findings:
     moments: tuple[Moment, ...]
     """Events of the log and all other moments, in order of time."""
     holds: tuple[Hold, ...]
-    nosings: NosingRecord | None
+    nosings: tuple[FrameNosings, ...] | None
+    """Nosings of each frame with a perceived stair; None if the stair or the chair's place is unknown."""
     margin: tuple[float, float, Direction | None] | None
     """Least tip-over margin, see ``least_margin``."""
 
@@ -117,7 +118,7 @@ class Findings:
 
 
 def findings_of(recording: Recording, notes: LogNotes | None = None) -> Findings:
-    """Return all moments, holds and the nosing record of a run.
+    """Return all moments, holds and perceived nosings of a run.
 
     Args:
         notes: Facts besides the recording; None reads them from the files of the run.
@@ -132,7 +133,7 @@ def findings_of(recording: Recording, notes: LogNotes | None = None) -> Findings
     return Findings(
         moments=tuple(sorted(found, key=lambda moment: moment.t_s)),
         holds=holds_of(recording, notes),
-        nosings=nosing_record(recording),
+        nosings=perceived_nosings(recording),
         margin=least_margin(recording),
     )
 

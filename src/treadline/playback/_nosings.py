@@ -1,6 +1,6 @@
 """Perceived nosings next to the true ones, in one frame and over a run: ``stair maps, poses, Staircase -> found, missed, why``.
 
-``NosingComparison`` judges one frame; ``nosing_record`` judges a run as a whole.
+``NosingComparison`` judges one frame; ``perceived_nosings`` judges all frames of a run.
 """
 
 import math
@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.rotations import Rotation, Vector3, rotation_of
-from treadline.playback._recording import PerceivedStair, Recording
+from treadline.playback._recording import Recording
 from treadline.vehicle.staircase import Staircase
 
 MATCH_SHARE = 1.0 / 3.0
@@ -38,37 +38,17 @@ class FrameNosings:
     """True nosings in the image that were not perceived, see ``NosingComparison.compare``."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NosingRecord:
-    """Nosings of a whole run."""
-
-    frames: tuple[FrameNosings, ...]
-    """Frames in which a stair was perceived."""
-
-    def missed(self) -> dict[int, tuple[float, ...]]:
-        """Return the exposure times of the frames that missed a nosing, by the number of the nosing [s]."""
-        numbers = sorted({number for frame in self.missing for number in frame.missed})
-        return {number: tuple(frame.t_s for frame in self.missing if number in frame.missed) for number in numbers}
-
-    @property
-    def missing(self) -> tuple[FrameNosings, ...]:
-        """Frames that missed a nosing."""
-        return tuple(frame for frame in self.frames if frame.missed)
-
-    def verdict(self) -> str:
-        """Return one sentence about all frames."""
-        count = len(self.frames)
-        missed = self.missed()
-        if not missed:
-            return f"no nosing was missed in {count} frame{'' if count == 1 else 's'} with a perceived stair"
-        parts = "; ".join(_counted(number, times) for number, times in missed.items())
-        return f"{len(self.missing)} of {count} frames with a perceived stair missed a nosing: {parts}"
-
-
-def _counted(number: int, times_s: tuple[float, ...]) -> str:
-    if len(times_s) == 1:
-        return f"nosing {number} in one frame ({times_s[0]:.2f} s)"
-    return f"nosing {number} in {len(times_s)} frames ({times_s[0]:.2f} s to {times_s[-1]:.2f} s)"
+def missed_text(frames: Sequence[FrameNosings]) -> str:
+    """Return one sentence about the missed nosings of a whole run."""
+    missing = [frame for frame in frames if frame.missed]
+    if not missing:
+        return f"no nosing was missed in {len(frames)} frame{'' if len(frames) == 1 else 's'} with a perceived stair"
+    parts = []
+    for number in sorted({number for frame in missing for number in frame.missed}):
+        times_s = [frame.t_s for frame in missing if number in frame.missed]
+        several = f"{len(times_s)} frames ({times_s[0]:.2f} s to {times_s[-1]:.2f} s)"
+        parts.append(f"nosing {number} in {several if len(times_s) > 1 else f'one frame ({times_s[0]:.2f} s)'}")
+    return f"{len(missing)} of {len(frames)} frames with a perceived stair missed a nosing: {'; '.join(parts)}"
 
 
 def in_runs(numbers: Sequence[int]) -> str:
@@ -222,12 +202,17 @@ def pixels_of(
     return camera.fx_px * x / depth + camera.cx_px, camera.fy_px * y / depth + camera.cy_px, z
 
 
-def nosing_record(recording: Recording) -> NosingRecord | None:
-    """Return the perceived nosings of every frame; None if the stair or the chair's place is unknown."""
+def perceived_nosings(recording: Recording) -> tuple[FrameNosings, ...] | None:
+    """Return the nosings of every frame with a perceived stair; None if the stair or the chair's place is unknown."""
     comparison = comparison_of(recording)
     if comparison is None or not recording.has_poses:
         return None
-    return NosingRecord(frames=tuple(_frame(comparison, recording, seen) for seen in recording.maps))
+    frames = []
+    for seen in recording.maps:
+        k = recording.index_at(seen.t_s)
+        found, missed = comparison.compare(seen.nosings_B, rotation_of(recording.quat_WB[k]), recording.p_WB[k])
+        frames.append(FrameNosings(t_s=seen.t_s, found=found, missed=missed))
+    return tuple(frames)
 
 
 def comparison_of(recording: Recording) -> NosingComparison | None:
@@ -237,9 +222,3 @@ def comparison_of(recording: Recording) -> NosingComparison | None:
         return None
     rear = scenario.drive.direction == "down"
     return NosingComparison(staircase, recording.chair.camera_at(scenario.sensors.rows_px, rear=rear))
-
-
-def _frame(comparison: NosingComparison, recording: Recording, seen: PerceivedStair) -> FrameNosings:
-    k = recording.index_at(seen.t_s)
-    found, missed = comparison.compare(seen.nosings_B, rotation_of(recording.quat_WB[k]), recording.p_WB[k])
-    return FrameNosings(t_s=seen.t_s, found=found, missed=missed)

@@ -71,6 +71,12 @@ def phases_of(events: Sequence[Event], end_s: float) -> tuple[PhaseSpan, ...]:
     )
 
 
+def ahead_of(quat_WB: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "n 3"]:
+    """Return the direction of B's x axis in W, the first column of the rotation matrix."""
+    w, x, y, z = quat_WB.T
+    return np.column_stack([1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)])
+
+
 def slip_of(
     t_s: Float[np.ndarray, " n"],
     p_WB: Float[np.ndarray, "n 3"],
@@ -83,10 +89,8 @@ def slip_of(
         slower_m: Integral of the slower belt's speed [m].
     """
     before = np.searchsorted(t_s, t_s - SLIP_WINDOW_S - ROUNDING_S)
-    driven_m, moved = slower_m - slower_m[before], p_WB - p_WB[before]
-    w, x, y, z = quat_WB.T
-    # The distance along B's x axis, whose components in W are the first column of the rotation matrix.
-    gone_m = moved[:, 0] * (1 - 2 * (y * y + z * z)) + moved[:, 1] * 2 * (x * y + w * z) + moved[:, 2] * 2 * (x * z - w * y)
+    driven_m = slower_m - slower_m[before]
+    gone_m = ((p_WB - p_WB[before]) * ahead_of(quat_WB)).sum(axis=1)
     drives = np.abs(driven_m) >= DRIVEN_LEAST_M
     return np.where(drives, slip_ratio(driven_m - gone_m, np.where(drives, driven_m, 1.0)), np.nan)
 

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.angles import DEG
-from treadline.playback import Findings, Moment, Recording, on_flight
+from treadline.playback import Findings, Moment, Recording, missed_text, on_flight
 
 MOST_SPANS = 3
 """Largest number of spans without a frame or a stair among the answers."""
@@ -29,9 +29,9 @@ def moments_of(recording: Recording, findings: Findings) -> list[dict[str, Any]]
         found.append(_answer(findings.margin_text, findings.margin[0]))
     shown = [moment for moment in findings.moments if moment.name in SHOWN]
     found += [_answer(f"{moment.name} at {moment.t_s:.2f} s", moment.t_s, note=moment.cause) for moment in shown]
-    if findings.nosings is not None and findings.nosings.frames:
-        missing = findings.nosings.missing
-        found.append(_answer(findings.nosings.verdict(), missing[0].t_s if missing else None, "missed" if missing else ""))
+    if findings.nosings:
+        first_s = next((frame.t_s for frame in findings.nosings if frame.missed), None)
+        found.append(_answer(missed_text(findings.nosings), first_s, "" if first_s is None else "missed"))
     found += [_answer(f"{moment.name} {moment.cause}", moment.t_s, "perception") for moment in _longest(findings.moments)]
     use = np.where(on_flight(recording), recording.friction_use, np.nan)
     needed = _friction_needed(recording, use)

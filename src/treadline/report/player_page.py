@@ -103,7 +103,7 @@ def player_data(recording: Recording) -> dict[str, Any]:
     findings = findings_of(recording)
     comparison = comparison_of(recording) if drawn else None
     numbers = [] if comparison is None else comparison.numbers.tolist()
-    frames = [None] * len(recording.maps) if findings.nosings is None else findings.nosings.frames
+    frames = [None] * len(recording.maps) if findings.nosings is None else findings.nosings
     return {
         "plots": plots_of(played),
         "pose": _pose(played) if drawn else None,
@@ -119,9 +119,7 @@ def player_data(recording: Recording) -> dict[str, Any]:
             for moment in _listed(findings)
         ],
         "holds": [_hold(hold) for hold in findings.holds],
-        "missed": [
-            {"t": frame.t_s, "numbers": in_runs(frame.missed)} for frame in (findings.nosings.missing if findings.nosings else ())
-        ],
+        "missed": [{"t": frame.t_s, "numbers": in_runs(frame.missed)} for frame in findings.nosings or () if frame.missed],
         "moments": moments_of(recording, findings),
         "terms": TERMS,
         "phase_terms": PHASES,

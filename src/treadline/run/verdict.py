@@ -103,14 +103,14 @@ class CheckReport(Printable):
     def printed(self) -> tuple[str, list[tuple[str, str]]]:
         """Return the verdict, the margins and the reasons."""
         margins = ", ".join(f"{side} {angle:.1f}°" for side, angle in self.stability_margin_deg.items())
-        longer = [] if self.track_length_margin_m is None else [self.track_length_margin_m]
+        longer_m = self.track_length_margin_m
         count = self.nosings_in_contact
         seat = (
             "no seat linkage" if (held := self.seat_range_deg) is None else f"level from {held[0]:.0f}° to {held[1]:.0f}° of pitch"
         )
         bears = f"{count} nosing{'' if count == 1 else 's'} in contact"
         rows = [
-            *(("track length", f"{more_m:+.3f} m over 2√(h²+w²), {bears}") for more_m in longer),
+            *([] if longer_m is None else [("track length", f"{longer_m:+.3f} m over 2√(h²+w²), {bears}")]),
             (
                 "friction",
                 f"{self.friction_needed_with_reserve:.2f} needed ({self.friction_needed:.2f} to stand, and a reserve for jolts), "
