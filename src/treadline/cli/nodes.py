@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from treadline.cli._arguments import Force, PlantName, check_times, claim, make_way
-from treadline.cli._output import Answer
+from treadline.cli._output import Answer, say
 from treadline.cli.compile import compile_once
 from treadline.cli.node import STARTED_BY, TransportName, stopping, wired
 from treadline.core.errors import SettingsError
@@ -82,7 +82,7 @@ def nodes(
             command = [sys.executable, "-m", "treadline", "node", name, scenario, *options, *extra]
             environment = os.environ | {STARTED_BY: str(os.getpid())}
             running[name] = subprocess.Popen(command, stdout=subprocess.DEVNULL, env=environment)  # noqa: S603 - our own command
-        sys.stderr.write("\n".join(_table({name: f"pid {process.pid}" for name, process in running.items()}, transport)) + "\n")
+        _say_where({name: f"pid {process.pid}" for name, process in running.items()}, transport)
         ended = _supervise(running, wire, watch, stop)
     finally:
         _end(running)
@@ -228,12 +228,13 @@ def _in_one_process(config: Any, plant_of: Callable[[], Any], seconds: float, ou
         if recorder is not None:
             recorder.close()
     where = dict.fromkeys(driving_nodes(config.chair), "this process")
-    sys.stderr.write("\n".join(_table(where, "inproc")) + "\n")
+    _say_where(where, "inproc")
     return watch.answer(None, where, "inproc")
 
 
-def _table(where: dict[str, str], transport: str) -> list[str]:
-    """Return a table of the nodes and their processes."""
+def _say_where(where: dict[str, str], transport: str) -> None:
+    """Write the table of the nodes and their processes."""
     from treadline.ros.assembly import ROLES
 
-    return [f"treadline: {name:9} {place:13} {transport:7} {ROLES[name]}" for name, place in where.items()]
+    for name, place in where.items():
+        say(f"treadline: {name:9} {place:13} {transport:7} {ROLES[name]}")

@@ -134,7 +134,7 @@ def serve(
         SettingsError: If the port is out of range or in use.
     """
     from treadline.view.app import Stage
-    from treadline.view.server import PORTS, GuardedServer
+    from treadline.view.server import LOOPBACK, PORTS, GuardedServer
 
     if port is not None and not 0 <= port <= 65535:
         raise SettingsError(f"--port {port}: give a port from 1 to 65535, or 0 for any free one")
@@ -149,13 +149,13 @@ def serve(
         ends.callback(stage.close)
         ends.callback(ended.set)
         handlers["page"] = stage.page
-        url = server.rules.url
+        url, is_local = server.rules.url, server.rules.host in LOOPBACK
         say(f"{verb}: {url}")
-        say(_exposure(verb, server.rules.host, attended=stage.session.attended))
+        say(_exposure(verb, server.rules.host, is_local=is_local, attended=stage.session.attended))
         for sentence in stage.session.run.missing:
             say(f"{verb}: {sentence}")
         if no_browser or not _open_browser(url):
-            say(_how_to_open(verb, server.rules, asked=not no_browser))
+            say(_how_to_open(verb, server.rules.port, is_local=is_local, asked=not no_browser))
         updater = threading.Thread(target=stage.run, args=(ended,), name="view", daemon=True)
         updater.start()
         try:
@@ -188,22 +188,18 @@ def _open_browser(url: str) -> bool:
         return False
 
 
-def _how_to_open(verb: str, rules: Any, *, asked: bool) -> str:
+def _how_to_open(verb: str, port: int, *, is_local: bool, asked: bool) -> str:
     """Return how to open the page in a browser of this machine, or of another by an SSH tunnel."""
-    from treadline.view.server import LOOPBACK
-
     here = f"{verb}: {'no browser found on this machine; ' if asked else ''}open the address in a browser"
-    if rules.host not in LOOPBACK:
+    if not is_local:
         return here
-    tunnel = f"ssh -L {rules.port}:127.0.0.1:{rules.port} {getpass.getuser()}@{socket.gethostname()}"
+    tunnel = f"ssh -L {port}:127.0.0.1:{port} {getpass.getuser()}@{socket.gethostname()}"
     return f"{here}; from another machine, run there first: {tunnel}"
 
 
-def _exposure(verb: str, host: str, *, attended: bool) -> str:
-    from treadline.view.server import LOOPBACK
-
+def _exposure(verb: str, host: str, *, is_local: bool, attended: bool) -> str:
     may = "may stop, drive and disturb the chair" if attended else "may only view"
-    if host in LOOPBACK:
+    if is_local:
         return f"{verb}: only this machine can connect; whoever has the address {may}; Ctrl-C ends it"
     reach = "every machine that reaches it and has the address"
     return f"{verb}: listens on {host}: {reach} {may}, over unencrypted HTTP; Ctrl-C ends it"

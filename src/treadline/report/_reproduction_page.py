@@ -33,7 +33,7 @@ from treadline.report.player_page import write_player
 from treadline.report.side_view import SideViews
 from treadline.report.svg_figures import BLUE, GREEN, GREY, ORANGE, RED, STYLE, WIDTH_IN, panels_of, plain_log_labels, svg_of
 
-BY_SLOPE = {20: ORANGE, 25: BLUE, 28: GREEN, 30: RED}
+BY_SLOPE: dict[float, str] = {20: ORANGE, 25: BLUE, 28: GREEN, 30: RED}
 BY_HEADING = ("#000000", GREY, BLUE, GREEN, RED)
 Series = Mapping[str, Float[np.ndarray, " T"]]
 TURN_SHOWN_S = 12.0
@@ -48,10 +48,6 @@ def _figure(height_in: float, rows: int, x: str, y: Sequence[str], width_in: flo
         ax.set_xlabel(x)
         ax.set_ylabel(label)
     return figure, axes
-
-
-def _colour(slope_deg: float) -> str:
-    return BY_SLOPE.get(int(slope_deg), GREY) if slope_deg.is_integer() else GREY
 
 
 @mpl.rc_context(STYLE)
@@ -81,7 +77,7 @@ def singular_values(slopes: Sequence[ModelFigures]) -> Figure:
         values = values[values > 1e-6 * values[0]]
         style = "o-" if item.friction == PAPER_FRICTION else "s--"
         label = f"{item.slope_deg:g}°, {item.friction[0]:g}/{item.friction[1]:g}"
-        ax.semilogy(np.arange(1, len(values) + 1), values / values[0], style, color=_colour(item.slope_deg), label=label)
+        ax.semilogy(np.arange(1, len(values) + 1), values / values[0], style, color=BY_SLOPE.get(item.slope_deg, GREY), label=label)
     plain_log_labels(ax.yaxis)
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     ax.axvline(2.5, color=GREY, linestyle=":")
@@ -113,7 +109,7 @@ def straight(runs: Sequence[tuple[Straight, Series]]) -> Figure:
     for row, series in runs:
         style, label = "-" if row.loop == "closed" else "--", f"{row.slope_deg:g}° {row.loop}"
         for ax, values in zip(axes, (series["heading_deg"], series["y_m"] - series["y_m"][0]), strict=True):
-            ax.plot(series["t_s"], values, style, color=_colour(row.slope_deg), label=label, linewidth=1.2)
+            ax.plot(series["t_s"], values, style, color=BY_SLOPE.get(row.slope_deg, GREY), label=label, linewidth=1.2)
     axes[0].legend(ncols=2, fontsize=7)
     return figure
 

@@ -91,8 +91,13 @@ class AccessRules:
             return False
         if name in LOOPBACK or name == self.host:
             return True
+        if self.host in LOOPBACK:
+            return False
         # No foreign site can make a browser send a bare address or this machine's own name as Host.
-        return self.host not in LOOPBACK and (_is_address(name) or name == socket.gethostname().lower())
+        with contextlib.suppress(ValueError):
+            ipaddress.ip_address(name)
+            return True
+        return name == socket.gethostname().lower()
 
     @property
     def url(self) -> str:
@@ -100,14 +105,6 @@ class AccessRules:
         shown = "127.0.0.1" if self.host in ("0.0.0.0", "::") else self.host  # noqa: S104 - compared, not bound
         shown = f"[{shown}]" if ":" in shown else shown
         return f"http://{shown}:{self.port}/{self.token}/"
-
-
-def _is_address(name: str) -> bool:
-    try:
-        ipaddress.ip_address(name)
-    except ValueError:
-        return False
-    return True
 
 
 class RequestCheck:
