@@ -17,7 +17,7 @@ from uncertainty_figures import BudgetRow, RunOutcomes, budget
 from uncertainty_runs import ALL_RUNS, SEED_GROUP, VARIATIONS, BudgetJob, runs_of
 
 from treadline.core.files import write_whole
-from treadline.experiments._job_pool import run_jobs
+from treadline.experiments._job_pool import JobPool
 from treadline.io.runs import git_commit
 
 ROOT = Path(__file__).parents[1]
@@ -72,8 +72,9 @@ def main() -> None:
         print(f"\r{len(done)} of {len(jobs)}: {name:50}", end="", file=sys.stderr, flush=True)
 
     outcomes: dict[str, dict[str, Any]] = {}
-    for result in run_jobs(jobs, workers=options.workers, done=on_done):
-        outcomes.setdefault(result["variation"], {})[result["run"]] = result
+    with JobPool(options.workers, on_done) as pool:
+        for result in pool.begin(jobs)():
+            outcomes.setdefault(result["variation"], {})[result["run"]] = result
     print(file=sys.stderr)
     rows = budget(outcomes)
     if options.publish:

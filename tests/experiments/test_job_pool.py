@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from processes import alive, wait_for
 
-from treadline.experiments._job_pool import JobPool, run_jobs
+from treadline.experiments._job_pool import JobPool
 
 
 @dataclass(frozen=True)
@@ -37,14 +37,8 @@ def test_results_come_in_the_order_of_the_jobs_and_every_end_is_reported(workers
         first, second = pool.begin([Square(3), Square(2)]), pool.begin([Square(1)])
         assert second() == [1]
         assert first() == [9, 4]
+        assert pool.begin([])() == []
     assert sorted(titles) == ["1", "2", "3"]
-
-
-def test_one_job_needs_no_worker() -> None:
-    titles: list[str] = []
-    assert run_jobs([Square(5)], workers=8, done=titles.append) == [25]
-    assert titles == ["5"]
-    assert run_jobs([], workers=8, done=titles.append) == []
 
 
 def test_a_job_that_fails_ends_the_pool_with_its_error_and_is_not_reported() -> None:
@@ -70,9 +64,10 @@ PARENT = """
 import sys
 from pathlib import Path
 from tests.experiments.test_job_pool import Sleeper
-from treadline.experiments._job_pool import run_jobs
+from treadline.experiments._job_pool import JobPool
 if __name__ == "__main__":
-    run_jobs([Sleeper(Path(sys.argv[1])), Sleeper(Path(sys.argv[1]))], workers=2, done=print)
+    with JobPool(2, print) as pool:
+        pool.begin([Sleeper(Path(sys.argv[1])), Sleeper(Path(sys.argv[1]))])()
 """
 
 

@@ -142,12 +142,6 @@ class JobPool:
             self._running("; ".join(titles))
 
 
-def run_jobs(jobs: Sequence[Job[R]], *, workers: int, done: OnText) -> list[R]:
-    """Return the jobs' results in the jobs' order; ``done`` is called with the title of each finished job."""
-    with JobPool(min(workers, len(jobs)), done) as pool:
-        return pool.begin(jobs)()
-
-
 def _results(futures: list[Future[R]]) -> list[R]:
     for future in as_completed(futures):
         future.result()  # the first failure ends all jobs

@@ -17,7 +17,7 @@ from treadline.core.models import ControllerDesign
 from treadline.core.printing import plain
 from treadline.experiments import _fig08_to_fig10
 from treadline.experiments._fig08_to_fig10 import ExciteJob, Recorded
-from treadline.experiments._job_pool import RunJob, run_jobs
+from treadline.experiments._job_pool import JobPool, RunJob
 from treadline.experiments.plan import CONTROLLER_GROUND, PAPER_FRICTION, ReproducePlan, excitation, without_images
 from treadline.experiments.reproduce import Reporter, excitations, learn
 from treadline.io.runs import provenance
@@ -86,9 +86,10 @@ def _paper_in(plan: ReproducePlan, out: Path, open_plant: PlantName, *, workers:
         progress.done(f"{open_plant} {what}")
 
     runs = out / "runs"
-    recordings: list[Recorded] = run_jobs(_excitations(plan, runs, open_plant), workers=workers, done=report)
-    controller, fig08_by_ground = learn(plan, recordings, out)
-    results = run_jobs(_drives(plan, controller, runs, open_plant), workers=workers, done=report)
+    with JobPool(workers, report) as pool:
+        recordings: list[Recorded] = pool.begin(_excitations(plan, runs, open_plant))()
+        controller, fig08_by_ground = learn(plan, recordings, out)
+        results = pool.begin(_drives(plan, controller, runs, open_plant))()
     turns = [result for result in results if result["kind"] == "turn"]
     values: dict[str, Any] = {
         "fig08": fig08_by_ground[CONTROLLER_GROUND],

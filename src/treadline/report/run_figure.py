@@ -1,6 +1,5 @@
 """Time series of one run: one panel per quantity over a common time axis, phases of the traversal as bands."""
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 
 import matplotlib as mpl
@@ -120,19 +119,18 @@ def _motion(moved: Recording) -> list[Panel]:
 
 def _closer(series: Series, names: Sequence[str]) -> tuple[float, float] | None:
     """Return limits scaled to the steady interval; None if it is no flat line at the scale of the whole run."""
-    t, curves = series["t_s"], [series[name] for name in names]
+    t, values = series["t_s"], np.array([series[name] for name in names])
+    values = np.where(np.isfinite(values), values, np.nan)
     # Of a run shorter than the steady scores need, its second half.
     from_s = STEADY_FROM_S if t[-1] > 1.25 * STEADY_FROM_S else 0.5 * float(t[0] + t[-1])
-    steady, whole = (_reach([curve[t >= start] for curve in curves]) for start in (from_s, -math.inf))
-    if steady is None or whole is None or whole[1] - whole[0] < CLOSER_BY * (steady[1] - steady[0]):
+    steady = values[:, t >= from_s]
+    if np.isnan(steady).all():
         return None
-    room = max(0.15 * (steady[1] - steady[0]), 1e-3)
-    return steady[0] - room, steady[1] + room
-
-
-def _reach(curves: Sequence[Float[np.ndarray, " k"]]) -> tuple[float, float] | None:
-    known = np.array([value for curve in curves for value in curve[np.isfinite(curve)]])
-    return (float(known.min()), float(known.max())) if known.size else None
+    low, high = float(np.nanmin(steady)), float(np.nanmax(steady))
+    if np.nanmax(values) - np.nanmin(values) < CLOSER_BY * (high - low):
+        return None
+    room = max(0.15 * (high - low), 1e-3)
+    return low - room, high + room
 
 
 def _name(ax: Axes, bands: Bands) -> None:
