@@ -185,38 +185,29 @@ BEHIND: Mapping[str, Any] = {"color": GREY, "marker": ".", "markersize": 3.0, "l
 
 
 @mpl.rc_context(STYLE)
-def magnitude(
+def frequency_response(
     modelled: Spectrum,
     sigma: Float[np.ndarray, "w p m"] | None,
     measured: Spectrum | None,
     inputs: Sequence[ColumnLabel],
     outputs: Sequence[ColumnLabel],
-) -> Figure:
-    """Return magnitudes over frequency, one panel per pair, the measured response in grey behind the model's.
+) -> tuple[Figure, Figure]:
+    """Return magnitudes and phases over frequency, one panel per pair, the measured response in grey behind the model's.
 
     Args:
         sigma: Standard deviation of the magnitude; None without one.
     """
-    figure, panels = _grid(len(outputs), len(inputs), 1.35)
-    for i, row in enumerate(panels):
-        for j, ax in enumerate(row):
-            band = None if sigma is None else sigma[:, i, j]
-            _magnitude_panel(ax, _curve(modelled, i, j), band, None if measured is None else _curve(measured, i, j))
-            _pair_labels(ax, outputs[i], inputs[j], "|G| ")
-    _frequency_axes(panels, modelled)
-    return figure
-
-
-@mpl.rc_context(STYLE)
-def phase(modelled: Spectrum, measured: Spectrum | None, inputs: Sequence[ColumnLabel], outputs: Sequence[ColumnLabel]) -> Figure:
-    """Return phases over frequency, one panel per pair, the measured response in grey behind the model's."""
-    figure, panels = _grid(len(outputs), len(inputs), 1.35)
-    for i, row in enumerate(panels):
-        for j, ax in enumerate(row):
-            _phase_panel(ax, _curve(modelled, i, j), None if measured is None else _curve(measured, i, j))
-            ax.set_title(f"{inputs[j].quantity} → {outputs[i].quantity}", fontsize=_title_size(outputs[i], inputs[j]))
-    _frequency_axes(panels, modelled)
-    return figure
+    (magnitudes, upper), (phases, lower) = (_grid(len(outputs), len(inputs), 1.35) for _ in range(2))
+    for i, output in enumerate(outputs):
+        for j, given in enumerate(inputs):
+            curve, seen = _curve(modelled, i, j), None if measured is None else _curve(measured, i, j)
+            _magnitude_panel(upper[i][j], curve, None if sigma is None else sigma[:, i, j], seen)
+            _pair_labels(upper[i][j], output, given, "|G| ")
+            _phase_panel(lower[i][j], curve, seen)
+            lower[i][j].set_title(f"{given.quantity} → {output.quantity}", fontsize=_title_size(output, given))
+    _frequency_axes(upper, modelled)
+    _frequency_axes(lower, modelled)
+    return magnitudes, phases
 
 
 @mpl.rc_context(STYLE)

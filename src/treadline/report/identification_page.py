@@ -165,8 +165,7 @@ class _Page:
         channels = (self.drawn_in, self.drawn_out)
         self.drawn["impulse"] = figures.time_response(response, spread, dt_s, *channels)
         self.drawn["step"] = figures.time_response(np.cumsum(response, axis=0), None, dt_s, *channels, after="step")
-        self.drawn["frequency"] = figures.magnitude(modelled, spread_f, measured, *channels)
-        self.drawn["phase"] = figures.phase(modelled, measured, *channels)
+        self.drawn["frequency"], self.drawn["phase"] = figures.frequency_response(modelled, spread_f, measured, *channels)
         gain = transfer.static_gain(self.model)[:p, :m]
         self.values["static_gain"] = [(item, row.tolist()) for item, row in zip(self.drawn_out, gain, strict=True)]
         self.values["bands"] = self.intervals is not None
