@@ -35,8 +35,8 @@ class FramePose:
     parent: str
     child: str
     place_m: tuple[float, ...]
-    quaternion: Sequence[float] | Float[np.ndarray, " 4"]
-    """Rotation (w, x, y, z)."""
+    quaternion: Sequence[float] | Float[np.ndarray, " 4"] = (1.0, 0.0, 0.0, 0.0)
+    """Rotation (w, x, y, z); parallel to the parent if left out."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

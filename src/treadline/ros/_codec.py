@@ -22,8 +22,6 @@ from treadline.ros._node_signals import Beat, Clock, GuardState, JointAngles, Mo
 
 NODE = "node"
 """Hardware id of a heartbeat in a diagnostic message."""
-LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
-"""Quaternion of a frame parallel to its parent."""
 AHEAD = 8
 """Largest number of images buffered until their depth or colour image arrives on its own connection."""
 
@@ -130,7 +128,7 @@ def _odometry_messages(channel: str, odometry: Odometry) -> list[RosMessage]:
 
 def _sensors(camera: PinholeCamera, *, ros1: bool) -> list[FramePose]:
     """Return where on the chair the frames are that messages name; an IMU is read in the chair's axes."""
-    level = [FramePose(parent=BASE, child=name, place_m=(0.0, 0.0, 0.0), quaternion=LEVEL) for name in ("chair", "imu")]
+    level = [FramePose(parent=BASE, child=name, place_m=(0.0, 0.0, 0.0)) for name in ("chair", "imu")]
     if ros1:
         return [*level, FramePose(parent=BASE, child=CAMERA, place_m=camera.mount_m, quaternion=quaternion_of(camera.R_BC))]
     return [*level, *camera_frames(camera)]

@@ -68,8 +68,6 @@ SEEN_HALF_M = 0.5
 """Half length of a detected nosing whose ends are out of view [m]: half of a stair of common width."""
 SEEN_WIDTH_M = 0.012
 """Drawn width of a detected nosing [m]."""
-LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
-"""Quaternion of a frame parallel to its parent."""
 
 
 class SceneLog:
@@ -189,12 +187,11 @@ class SceneLog:
     def _place(self, t_s: float, taken_s: float | None, truth: Truth | None) -> None:
         """Write frames, joint angles and odometry of one instant."""
         odometry = self._odometry
-        R_OB, p_OB = (np.eye(3), np.zeros(3)) if odometry is None else (rotation_of(odometry.orientation), odometry.p_OB)
-        q_OB = LEVEL if odometry is None else odometry.orientation
+        q_OB, p_OB = ((1.0, 0.0, 0.0, 0.0), np.zeros(3)) if odometry is None else (odometry.orientation, odometry.p_OB)
         moved = FramePose(parent="odom", child=BASE, place_m=tuple(p_OB.tolist()), quaternion=q_OB)
         poses = [moved]
         if truth is not None and not math.isnan(truth.chassis_x_m):
-            poses.insert(0, _corrected(truth, R_OB, p_OB))
+            poses.insert(0, _corrected(truth, rotation_of(q_OB), p_OB))
         seat_rad = 0.0 if self._linkage is None or self._stroke_m is None else self._linkage.nearest_angle(self._stroke_m)
         angles = {"seat": seat_rad, "flipper": self._flipper_rad}
         for body, hinge in self._turning:
@@ -276,12 +273,12 @@ def _corrected(truth: Truth, R_OB: Rotation, p_OB: Vector3) -> FramePose:
 
 def _fixed_frames(whole: Vehicle) -> list[FramePose]:
     """Return the frames of the URDF's fixed links and of the IMU, which is read in the chair's axes."""
-    frames = [FramePose(parent=BASE, child=name, place_m=(0.0, 0.0, 0.0), quaternion=LEVEL) for name in ("chair", "imu")]
+    frames = [FramePose(parent=BASE, child=name, place_m=(0.0, 0.0, 0.0)) for name in ("chair", "imu")]
     for body in whole.bodies:
         if body.parent is not None and body.hinge is None:
-            frames.append(FramePose(parent=body.parent, child=body.name, place_m=body.origin_m, quaternion=LEVEL))
+            frames.append(FramePose(parent=body.parent, child=body.name, place_m=body.origin_m))
         frames += [
-            FramePose(parent=body.name, child=f"{shape.name}_pulley", place_m=shape.centre_m, quaternion=LEVEL)
+            FramePose(parent=body.name, child=f"{shape.name}_pulley", place_m=shape.centre_m)
             for shape in body.shapes
             if shape.kind == "cylinder"
         ]
