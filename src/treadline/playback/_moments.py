@@ -303,11 +303,8 @@ def _gaps(times_s: Float[np.ndarray, " n"], start_s: float, end_s: float) -> lis
 
 def holding_at(events: Iterable[Event], t_s: float) -> Event | None:
     """Return the event of the hold that lasts at a time; None if the guard does not hold."""
-    last = None
-    for event in events:
-        if event.t_s <= t_s + ROUNDING_S and event.name in ("hold", "rearmed"):
-            last = event
-    return last if last is not None and last.name == "hold" else None
+    changes = [event for event in events if event.t_s <= t_s + ROUNDING_S and event.name in ("hold", "rearmed")]
+    return changes[-1] if changes and changes[-1].name == "hold" else None
 
 
 def holds_of(recording: Recording, notes: LogNotes) -> tuple[Hold, ...]:

@@ -46,8 +46,9 @@ def missed_text(frames: Sequence[FrameNosings]) -> str:
     parts = []
     for number in sorted({number for frame in missing for number in frame.missed}):
         times_s = [frame.t_s for frame in missing if number in frame.missed]
-        several = f"{len(times_s)} frames ({times_s[0]:.2f} s to {times_s[-1]:.2f} s)"
-        parts.append(f"nosing {number} in {several if len(times_s) > 1 else f'one frame ({times_s[0]:.2f} s)'}")
+        first_s, last_s, count = times_s[0], times_s[-1], len(times_s)
+        where = f"one frame ({first_s:.2f} s)" if count == 1 else f"{count} frames ({first_s:.2f} s to {last_s:.2f} s)"
+        parts.append(f"nosing {number} in {where}")
     return f"{len(missing)} of {len(frames)} frames with a perceived stair missed a nosing: {'; '.join(parts)}"
 
 
