@@ -1,7 +1,6 @@
 """Figures of models, responses and comparisons: what their method ``plot`` returns."""
 
 from collections.abc import Mapping
-from functools import singledispatch
 from io import BytesIO
 from pathlib import Path
 
@@ -21,49 +20,31 @@ from treadline.vehicle.walk import Walk
 FORMATS = (".svg", ".png", ".pdf")
 
 
-@singledispatch
 def figure_of(item: object) -> Figure:
     """Return the figure of a model, a response, a comparison or a walk.
+
+    A model has step response, magnitude and phase of each output in three rows, one column per input. A free run of a comparison is
+    cut where it leaves the data.
 
     Raises:
         TypeError: If the item is none of these.
     """
+    match item:
+        case Walk():
+            return walk_figure(item.ground, item.chair, item.columns)
+        case TimeResponse():
+            dt_s = float(item.t_s[1]) if len(item.t_s) > 1 else 1.0
+            return figures.time_response(item.y, None, dt_s, *_labels(item), after=item.kind)
+        case FrequencyResponse():
+            return figures.bode((item.frequency_hz, item.response), *_labels(item))
+        case LinearModel():
+            response = item.bode()
+            return figures.bode((response.frequency_hz, response.response), *_labels(response), step=item.step())
+        case Comparison():
+            shown, ahead = (cut(values, item.measured)[0] for values in (item.modelled, item.ahead))
+            labels = [channel(name) for name in item.percent]
+            return figures.fit(item.t_s, item.measured, shown, ahead, None, labels, kind=item.kind)
     raise TypeError(f"there is no figure of a {type(item).__name__}")
-
-
-@figure_of.register
-def _of_walk(walk: Walk) -> Figure:
-    """Return a walk: the chair at five places, and its course."""
-    return walk_figure(walk.ground, walk.chair, walk.columns)
-
-
-@figure_of.register
-def _of_time_response(response: TimeResponse) -> Figure:
-    """Return a step or impulse response, one panel per pair of input and output."""
-    dt_s = float(response.t_s[1]) if len(response.t_s) > 1 else 1.0
-    return figures.time_response(response.y, None, dt_s, *_labels(response), after=response.kind)
-
-
-@figure_of.register
-def _of_frequency_response(response: FrequencyResponse) -> Figure:
-    """Return magnitude and phase over frequency, one panel each per pair of input and output."""
-    return figures.bode((response.frequency_hz, response.response), *_labels(response))
-
-
-@figure_of.register
-def _of_model(given: LinearModel) -> Figure:
-    """Return step response, magnitude and phase of each output in three rows, one column per input."""
-    response = given.bode()
-    return figures.bode((response.frequency_hz, response.response), *_labels(response), step=given.step())
-
-
-@figure_of.register
-def _of_comparison(given: Comparison) -> Figure:
-    """Return measured and modelled outputs with errors below; a free run is cut where it leaves the data."""
-    shown, _ = cut(given.modelled, given.measured)
-    ahead, _ = cut(given.ahead, given.measured)
-    labels = [channel(name) for name in given.percent]
-    return figures.fit(given.t_s, given.measured, shown, ahead, None, labels, kind=given.kind)
 
 
 def write_comparisons(found: Mapping[str, Comparison], path: Path) -> None:
