@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from treadline.core.errors import LogFormatError
 from treadline.core.signals import TICK_S
@@ -29,22 +29,11 @@ MOST_TEXTS = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Columns:
-    """Messages of one topic: stamps, log times and numbers, in recorded order."""
-
-    t_s: Float[np.ndarray, " n"]
-    taken_s: Float[np.ndarray, " n"]
-    """Mission time at which each message was taken [s]."""
-    values: Float[np.ndarray, "n c"]
-    """The requested numbers."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LogContents:
     """Selected topics of a log."""
 
-    columns: dict[str, Columns] = field(default_factory=dict)
-    """Topics of numbers, as arrays."""
+    columns: dict[str, Float[np.ndarray, "n c"]] = field(default_factory=dict)
+    """Topics of numbers: a row for each message, its stamp [s] and the requested numbers."""
     signals: dict[str, list[tuple[float, Any]]] = field(default_factory=dict)
     """Other topics: mission time [s] and signal of each message."""
     stamps_s: dict[str, Float[np.ndarray, " n"]] = field(default_factory=dict)
@@ -78,7 +67,7 @@ def read_contents(
             if name in stamped:
                 contents.stamps_s[name] = _stamps_s(_rows(data[name], _STAMP.stop))
             elif name in numeric:
-                contents.columns[name] = _columns(topic, np.array(logged_ns[name]), data[name], numeric[name])
+                contents.columns[name] = _columns(topic, data[name], numeric[name])
             else:
                 times = map(seconds_of, logged_ns[name])
                 contents.signals[name] = list(zip(times, (_signal(topic, message) for message in data[name]), strict=True))
@@ -92,16 +81,14 @@ def _signal(topic: RecordedTopic, data: bytes) -> Any:
     return read(*received(topic, data, 0))
 
 
-def _columns(topic: RecordedTopic, logged_ns: Int[np.ndarray, " n"], data: Sequence[bytes], names: Sequence[str]) -> Columns:
-    taken_s = _seconds(logged_ns)
+def _columns(topic: RecordedTopic, data: Sequence[bytes], names: Sequence[str]) -> Float[np.ndarray, "n c"]:
     places = _places(topic.kind, data, names)
     if places is None:
         signals = [_signal(topic, message) for message in data]
-        found = [[getattr(signal, name) for name in names] for signal in signals]
-        return Columns(t_s=np.array([signal.t_s for signal in signals]), taken_s=taken_s, values=np.array(found, dtype=float))
+        return np.array([[getattr(signal, name) for name in ("t_s", *names)] for signal in signals], dtype=float)
     rows = _rows(data, max(places) + 8)
     values = [rows[:, at : at + 8].copy().view("<f8")[:, 0] for at in places]
-    return Columns(t_s=_stamps_s(rows), taken_s=taken_s, values=np.column_stack(values))
+    return np.column_stack([_stamps_s(rows), *values])
 
 
 def _places(kind: str, data: Sequence[bytes], names: Sequence[str]) -> list[int] | None:
@@ -123,11 +110,8 @@ def _rows(data: Sequence[bytes], size: int) -> np.ndarray:
 
 
 def _stamps_s(rows: np.ndarray) -> Float[np.ndarray, " n"]:
+    """Return the stamps in seconds, as ``seconds_of`` does: a multiple of the tick gives the mission's float."""
     seconds, nanoseconds = rows[:, _STAMP].copy().view("<i4").T.astype(np.int64)
-    return _seconds(1_000_000_000 * seconds + nanoseconds)
-
-
-def _seconds(time_ns: Int[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Return times in seconds, as ``seconds_of`` does: a multiple of the tick gives the mission's float."""
+    time_ns = 1_000_000_000 * seconds + nanoseconds
     ticks, rest = np.divmod(time_ns, TICK_NS)
     return np.where(rest == 0, ticks * TICK_S, time_ns / 1e9)

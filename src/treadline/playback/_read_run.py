@@ -147,7 +147,7 @@ def _take_log(path: Path, builder: RecordingBuilder) -> None:
     if TRUTH not in contents.columns:
         contents = read_contents(path, numeric, [EVENTS, MAPS], [COLOUR])
     for topic, columns in contents.columns.items():
-        builder.add(Signals(rows={NUMERIC[topic]: np.column_stack([columns.t_s, columns.values])}))
+        builder.add(Signals(rows={NUMERIC[topic]: columns}))
     for topic in (EVENTS, MAPS):
         for taken_s, signal in contents.signals.get(topic, []):
             builder(signal, taken_s)
