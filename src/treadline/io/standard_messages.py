@@ -39,6 +39,7 @@ from treadline.io.messages import (
     CAMERA,
     IMU,
     JOINTS,
+    OWN,
     SIGNALS,
     STATUS,
     TRUTH_NAMES,
@@ -257,26 +258,19 @@ def _read_plant(message: Any, t_s: float) -> PlantState:
     return PlantState(t_s=t_s, fault=found.message if found.level else None)
 
 
+HEADINGS, EVENTS = "/stair/heading_measured/detail", "/diagnostics"
+"""Topics of recorded heading measurements and of events."""
+_DETAILED = {HeadingEstimate: "/stair/heading/detail", HeadingMeasurement: HEADINGS}
+"""Topics of signals whose default topic holds a pose for viewers."""
 STANDARD: dict[tuple[str, str], Read] = {
-    ("/tracks/cmd", JOINTS): _Joints(TrackCommand).read,
-    ("/tracks/state", JOINTS): _Joints(TrackReading).read,
-    ("/seat/cmd", JOINTS): _Joints(SeatCommand).read,
-    ("/seat/state", JOINTS): _Joints(SeatReading).read,
-    ("/flipper/cmd", JOINTS): _Joints(FlipperCommand).read,
-    ("/flipper/state", JOINTS): _Joints(FlipperReading).read,
+    **{(_DETAILED.get(signal, OWN[signal].topic), JOINTS): _Joints(signal).read for signal in JOINTED},
     ("/arm/cmd", JOINTS): _Joints(FlipperCommand).read,  # logs of release 0.1
     ("/arm/state", JOINTS): _Joints(FlipperReading).read,
-    ("/operator", JOINTS): _Joints(OperatorInput).read,
-    ("/camera/quality", JOINTS): _Joints(FrameQuality).read,
-    ("/ground", JOINTS): _Joints(FreeGround).read,
-    ("/stair/heading/detail", JOINTS): _Joints(HeadingEstimate).read,
-    ("/stair/heading_measured/detail", JOINTS): _Joints(HeadingMeasurement).read,
     ("/stair/map/detail", JOINTS): _read_map,
-    ("/truth", JOINTS): _Joints(Truth).read,
     ("/stair/heading/health", STATUS): _read_health,
     ("/plan", STATUS): _read_plan,
     ("/plant/state", STATUS): _read_plant,
-    ("/diagnostics", STATUS): _read_event,
+    (EVENTS, STATUS): _read_event,
 }
 """Decoder of a topic of a standard type."""
 
@@ -284,8 +278,6 @@ STANDARD: dict[tuple[str, str], Read] = {
 # ---- any signal ----
 
 
-HEADINGS, EVENTS = "/stair/heading_measured/detail", "/diagnostics"
-"""Topics of recorded heading measurements and of events."""
 LOOKED = frozenset({"/camera/quality", "/ground", "/stair/map/detail"})
 """Topics of frame results besides the heading, for logs without images and for cameras with their own detector."""
 OURS = frozenset({
