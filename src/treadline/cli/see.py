@@ -126,8 +126,7 @@ def see(
 def _answer(frames: "FrameSource", method: Any, rule: Any, headings: Path | None, out: Path | None) -> Answer:
     """Evaluate the frames of a source; a single frame answers for itself, several with a summary."""
     from treadline.core.camera_images import SeveralFrames
-    from treadline.io.frames.evaluation import FrameEvaluator
-    from treadline.io.frames.results import Summary, heading_table
+    from treadline.io.frames.evaluation import FrameEvaluator, Summary, heading_table
 
     evaluator, summary, seen = FrameEvaluator(method, rule), Summary(), list[dict[str, Any]]()
     with ExitStack() as stack:
@@ -193,8 +192,7 @@ def _see_live(
     """
     from treadline.core.camera_images import gravity_of
     from treadline.core.processes import Terminated, deferred
-    from treadline.io.frames.evaluation import FrameEvaluator, write_seen
-    from treadline.io.frames.results import Summary, heading_table
+    from treadline.io.frames.evaluation import FrameEvaluator, Summary, heading_table, write_seen
     from treadline.io.live import camera_by_name
     from treadline.io.live.stream import LiveFrames
     from treadline.scenario.camera_file import read_camera
