@@ -25,7 +25,7 @@ from treadline.core.signals import (
 )
 from treadline.mission.odometry import Odometry
 from treadline.ros import channels as on
-from treadline.ros._node_signals import Beat, Clock, GuardState
+from treadline.ros.channels import Beat, Clock, GuardState
 
 T_S = 12.34
 CAMERA = PinholeCamera(

@@ -23,9 +23,9 @@ from treadline.mission.replay_plant import ReplayPlant
 from treadline.ros import channels as on
 from treadline.ros import node_process as process
 from treadline.ros import ros1
-from treadline.ros._node_signals import Clock, GuardState
 from treadline.ros.assembly import node_of
 from treadline.ros.block_nodes import GuardNode, SeatNode
+from treadline.ros.channels import Clock, GuardState
 from treadline.ros.lockstep import InProcess
 from treadline.ros.node_process import NodeRunner, run_plant
 from treadline.ros.plant_node import PlantNode

@@ -9,7 +9,7 @@ from wires import Air
 
 from treadline.core.signals import SeatReading
 from treadline.ros import channels as on
-from treadline.ros._node_signals import Clock
+from treadline.ros.channels import Clock
 from treadline.ros.node_process import NodeRunner
 
 

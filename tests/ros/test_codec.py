@@ -15,7 +15,7 @@ from treadline.io.message_types import message_of, store
 from treadline.io.messages import joints
 from treadline.ros import channels as on
 from treadline.ros._codec import Decoder, encoded, messages_on
-from treadline.ros._node_signals import Mounts
+from treadline.ros.channels import Mounts
 
 
 def test_a_handset_without_the_two_answers_is_still_heard() -> None:

@@ -11,8 +11,8 @@ from treadline.core.signals import HeadingHealth, OperatorInput, TrackCommand, V
 from treadline.mission.mission_blocks import build_blocks, guard_config
 from treadline.plant.mujoco import open_plant
 from treadline.ros import channels as on
-from treadline.ros._node_signals import Beat, GuardState
 from treadline.ros.block_nodes import GuardNode, HeadingNode
+from treadline.ros.channels import Beat, GuardState
 from treadline.ros.lockstep import InProcess, LockStep
 from treadline.run.resolve import mission_config
 from treadline.scenario.scenario import Scenario

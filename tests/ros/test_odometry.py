@@ -13,8 +13,8 @@ from treadline.mission.mission_config import MissionConfig
 from treadline.mission.odometry import DeadReckoning, Odometry
 from treadline.ros import channels as on
 from treadline.ros._codec import encoded
-from treadline.ros._node_signals import Mounts
 from treadline.ros.assembly import mount_of, node_of
+from treadline.ros.channels import Mounts
 from treadline.ros.lockstep import InProcess
 from treadline.scenario.chair import read_chair
 from treadline.vehicle.linkage import SeatLinkage

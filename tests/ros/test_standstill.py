@@ -11,8 +11,8 @@ from world import limits
 from treadline.core.signals import PlantState, TrackCommand, VelocityCommand
 from treadline.mission.replay_plant import ReplayPlant
 from treadline.ros import channels as on
-from treadline.ros._node_signals import GuardState
 from treadline.ros.block_nodes import GuardNode
+from treadline.ros.channels import GuardState
 from treadline.ros.node_process import POLL_S, NodeRunner, PlantRunner
 from treadline.ros.plant_node import PlantNode
 

@@ -3,6 +3,7 @@
 import math
 import struct
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, get_args
 
 import numpy as np
@@ -11,14 +12,14 @@ from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import ImageError, LogFormatError
 from treadline.core.rotations import quaternion_of
 from treadline.core.signals import CommandSource, Event, VelocityCommand
-from treadline.io.images import Paired, Pairing, with_mount
+from treadline.io.images import Pairing, with_mount
 from treadline.io.message_types import RosMessage, message_of, stamp, stamped_s, store
 from treadline.io.messages import CAMERA, STATUS, joints, messages_of, status
 from treadline.io.scene_messages import BASE, ODOMETRY, FramePose, camera_frames, frames_message, odometry_message
 from treadline.io.standard_messages import signal_reader, standard_messages_of
 from treadline.mission.odometry import Odometry
 from treadline.ros import channels as on
-from treadline.ros._node_signals import Beat, Clock, GuardState, JointAngles, Mounts
+from treadline.ros.channels import Beat, Clock, GuardState, JointAngles, Mounts
 
 NODE = "node"
 """Hardware id of a heartbeat in a diagnostic message."""
@@ -64,10 +65,6 @@ def messages_on(channel: str, signal: Any, *, ros1: bool) -> list[RosMessage]:
     return standard_messages_of(signal, channel) if ros1 else messages_of(signal, channel)
 
 
-Kinds = Mapping[str, str] | None
-"""Message types by topic."""
-
-
 class Decoder:
     """Decoder of one channel: messages to signals. Depth and colour image of a frame are paired here.
 
@@ -76,7 +73,9 @@ class Decoder:
         kinds: Message types of topics that differ from those of the channel.
     """
 
-    def __init__(self, channel: str, *, ros1: bool, mount: PinholeCamera | None = None, kinds: Kinds = None) -> None:
+    def __init__(
+        self, channel: str, *, ros1: bool, mount: PinholeCamera | None = None, kinds: Mapping[str, str] | None = None
+    ) -> None:
         self._ros1 = ros1
         self._mount = mount
         topics = [topic for topic in on.CHANNELS[channel].topics if topic.read]
@@ -86,13 +85,9 @@ class Decoder:
         if channel != on.CAMERA:
             self._readers = {name: _reader(name, kind) for name, kind in self._kinds.items()}
         else:
-            color, depth, info = self._kinds
+            roles = zip(self._kinds, ("color", "depth", "info"), strict=True)
             pairing = Pairing(calibrate=self._mounted, ahead=AHEAD)
-            self._readers = {
-                color: lambda message, t_s: _frame(pairing.take("color", message, t_s)),
-                depth: lambda message, t_s: _frame(pairing.take("depth", message, t_s)),
-                info: lambda message, t_s: _frame(pairing.take("info", message, t_s)),
-            }
+            self._readers = {topic: partial(_frame, pairing, role) for topic, role in roles}
 
     def signal(self, topic: str, data: bytes) -> Any | None:
         """Return the signal that a message completes, or None.
@@ -115,8 +110,8 @@ class Decoder:
         return camera if camera is None or self._mount is None else with_mount(camera, self._mount)
 
 
-def _frame(found: list[Paired]) -> RgbdFrame | None:
-    return found[0].frame if found else None
+def _frame(pairing: Pairing, role: str, message: Any, t_s: float) -> RgbdFrame | None:
+    return next((frame for frame, _ in pairing.take(role, message, t_s)), None)
 
 
 def _odometry_messages(channel: str, odometry: Odometry) -> list[RosMessage]:

@@ -7,7 +7,6 @@ from uuid import uuid4
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import SettingsError
 from treadline.core.ports import Plant
-from treadline.guard import GuardConfig
 from treadline.mission.mission_blocks import build_blocks, guard_config, warm_up
 from treadline.mission.mission_config import MissionConfig
 from treadline.ros.block_nodes import CameraNode, DriverNode, GuardNode, HeadingNode, Node, SeatNode
@@ -71,7 +70,7 @@ def node_of(
     """
     reject_unknown(name)
     blocks = build_blocks(config)
-    limits: GuardConfig = guard_config(config, blocks.driver.period_s)
+    limits = guard_config(config, blocks.driver.period_s)
     if name == "plant":
         if plant is None:
             raise SettingsError("the plant node needs a plant; on a real chair its drivers take its place")

@@ -15,14 +15,12 @@ from treadline.core.signals import (
     TICK_S,
     CommandSource,
     FlipperCommand,
-    FlipperReading,
     FrameQuality,
     HeadingEstimate,
     HeadingMeasurement,
     ImuSample,
     MotionPlan,
     SeatCommand,
-    SeatReading,
     StairMap,
     TrackCommand,
     TrackReading,
@@ -36,7 +34,7 @@ from treadline.mission.loop import Estimator
 from treadline.mission.odometry import DeadReckoning
 from treadline.mission.planner import Planner, PlannerInput
 from treadline.ros import channels as on
-from treadline.ros._node_signals import Beat, GuardState, JointAngles, Mounts
+from treadline.ros.channels import Beat, GuardState, JointAngles, Mounts
 from treadline.vehicle.linkage import SeatLinkage
 
 ODOM_TICKS = 5
@@ -108,8 +106,6 @@ class CameraNode(_AdmittingNode):
     needs = ((on.CAMERA, on.CAMERA_QUALITY, on.CAMERA_HEADING),)
 
     def __init__(self, detector: Detector, config: GuardConfig, swept_half_m: float) -> None:
-        self._detector = detector
-        self._swept_half_m = swept_half_m
         self._block = CameraBlock(detector, swept_half_m)
         super().__init__(config)
 
@@ -178,9 +174,10 @@ class HeadingNode(_AdmittingNode):
         self._subscribe(transport, on.IMU, self._reckoning.update, self._step)
         self._subscribe(transport, on.TRACKS, self._step, self._reckon)
         transport.subscribe(on.MEASURED, self._step)
-        if self._linkage is not None:
-            self._subscribe(transport, on.SEAT, self._take_seat)
-        self._subscribe(transport, on.FLIPPER, self._take_flipper)
+        angle_at = None if self._linkage is None else self._linkage.nearest_angle
+        if angle_at is not None:
+            self._subscribe(transport, on.SEAT, lambda seat: self._joints.update(seat_joint=angle_at(seat.stroke_m)))
+        self._subscribe(transport, on.FLIPPER, lambda flipper: self._joints.update(flipper_joint=flipper.angle_rad))
 
     def tick(self, t_s: float) -> None:
         """Publish the filter's health where it has changed, and health and mounts at their interval."""
@@ -203,13 +200,6 @@ class HeadingNode(_AdmittingNode):
             if self._joints:
                 names, angles = zip(*self._joints.items(), strict=True)
                 self._publish(on.JOINT_STATES, JointAngles(t_s=reading.t_s, names=names, angles_rad=angles))
-
-    def _take_seat(self, reading: SeatReading) -> None:
-        if self._linkage is not None:
-            self._joints["seat_joint"] = self._linkage.nearest_angle(reading.stroke_m)
-
-    def _take_flipper(self, reading: FlipperReading) -> None:
-        self._joints["flipper_joint"] = reading.angle_rad
 
     def _step(self, signal: ImuSample | TrackReading | HeadingMeasurement) -> None:
         estimate = self._estimator.step(signal)

@@ -13,8 +13,8 @@ from treadline.core.signals import TICK_S
 from treadline.guard import GuardConfig
 from treadline.mission.loop import Blocks
 from treadline.ros import channels as on
-from treadline.ros._node_signals import Beat
 from treadline.ros.block_nodes import CameraNode, DriverNode, GuardNode, HeadingNode, Node, SeatNode
+from treadline.ros.channels import Beat
 from treadline.ros.plant_node import PlantNode
 
 

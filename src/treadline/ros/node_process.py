@@ -16,8 +16,8 @@ from treadline.core.loop_watchdog import LoopWatchdog
 from treadline.core.signals import TICK_S, Event
 from treadline.guard import SILENCE_S
 from treadline.ros import channels as on
-from treadline.ros._node_signals import Beat, Clock
 from treadline.ros.block_nodes import GuardNode, Node
+from treadline.ros.channels import Beat, Clock
 from treadline.ros.plant_node import PlantNode
 from treadline.ros.wire import WireTransport
 
@@ -47,13 +47,13 @@ OTHER_CLOCK_S = 10.0
 """Distance of stamps from the clock above which they belong to a clock of another kind, simulated or the wall's [s]."""
 POLL_S = 0.005
 
-ClockKind = Literal["sim", "wall"]
-
 
 class NodeRunner:
     """Runs a node: delivers messages, ticks by the clock, publishes the heartbeat."""
 
-    def __init__(self, node: Node, transport: WireTransport, *, clock: ClockKind = "sim", patience_s: float = PATIENCE_S) -> None:
+    def __init__(
+        self, node: Node, transport: WireTransport, *, clock: Literal["sim", "wall"] = "sim", patience_s: float = PATIENCE_S
+    ) -> None:
         self._node = node
         self._transport = transport
         self._sim = clock == "sim"

@@ -23,7 +23,7 @@ from treadline.io.runs import LOG, RECORD, clear_run
 from treadline.mission.odometry import Odometry
 from treadline.ros import channels as on
 from treadline.ros._codec import messages_on
-from treadline.ros._node_signals import Beat, Mounts
+from treadline.ros.channels import Beat, Mounts
 
 
 def open_bag(path: Path) -> "RunLog | _RosBag":

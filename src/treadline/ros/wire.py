@@ -3,7 +3,7 @@
 from collections import Counter, deque
 from collections.abc import Callable
 from threading import Condition
-from typing import Any, NamedTuple
+from typing import Any
 
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import LogFormatError
@@ -11,11 +11,8 @@ from treadline.io.message_types import store
 from treadline.ros._codec import Decoder, encoded
 from treadline.ros.channels import CHANNELS, Channel, Topic
 
-
-class _Subscriber(NamedTuple):
-    channel: str
-    decoder: Decoder
-    take: Callable[[Any], object]
+_Subscriber = tuple[str, Decoder, Callable[[Any], object]]
+"""Channel, its decoder, and the function that receives its signals."""
 
 
 class Inbox:
@@ -109,7 +106,7 @@ class WireTransport:
             if not topic.read:
                 continue
             first = topic.name not in self._takers
-            self._takers.setdefault(topic.name, []).append(_Subscriber(channel, decoder, take))
+            self._takers.setdefault(topic.name, []).append((channel, decoder, take))
             depth = self.spare * spec.depth
             self.inbox.expect(topic.name, depth)
             if first:
