@@ -36,12 +36,12 @@ _OPAQUE = 17
 _NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 
 
-def _if_numeric(array: _Read, name: str) -> np.ndarray | None:
-    """Return an array, or None for one without numbers, as a clock of text: no channel, and no reason to reject the file."""
+def _if_numeric(array: _Read, name: str) -> np.ndarray:
+    """Return an array; one without numbers, as a clock of text, is empty: no channel, and no reason to reject the file."""
     try:
         return array(name)
     except LogFormatError:
-        return None
+        return np.empty(0)
 
 
 def _table_of(file: Path, wanted: tuple[str, ...], there: Sequence[str], array: _Read, period_s: float | None) -> Table:
@@ -52,16 +52,11 @@ def _table_of(file: Path, wanted: tuple[str, ...], there: Sequence[str], array: 
     for name, values in columns:
         _check_kind(file, name, values.dtype)
     read = {clock: [_if_numeric(array, name) for name in clock.columns] for clock in clocks_of(there, names)}
-    arrays = {clock: [values for values in found if values is not None] for clock, found in read.items()}
-    arrays = {clock: found for clock, found in arrays.items() if len(found) == len(clock.columns)}
-    clock = next((clock for clock, found in arrays.items() if min(values.size for values in found) > 1), None)
-    ticks = (
-        []
-        if clock is None
-        else [_columns(file, name, values)[0] for name, values in zip(clock.columns, arrays[clock], strict=True)]
-    )
-    if clock is not None and ticks[0][1].dtype.kind in "mM":
-        clock = replace(clock, per_s=1e9)
+    clock = next((clock for clock, found in read.items() if min(values.size for values in found) > 1), None)
+    ticks = []
+    if clock is not None:
+        ticks = [_columns(file, name, values)[0] for name, values in zip(clock.columns, read[clock], strict=True)]
+        clock = replace(clock, per_s=1e9) if ticks[0][1].dtype.kind in "mM" else clock
     lengths = [(name, len(values)) for name, values in (*columns, *ticks)]
     other = next((item for item in lengths if item[1] != lengths[0][1]), None)
     if other is not None:
@@ -71,7 +66,7 @@ def _table_of(file: Path, wanted: tuple[str, ...], there: Sequence[str], array: 
     rows = lengths[0][1] if lengths else 0
     check_count(file, rows)
     stated = [(name, _if_numeric(array, name)) for name in there if period_in(name, 1.0) is not None]
-    periods = [period_in(name, float(values.item())) for name, values in stated if values is not None and values.size == 1]
+    periods = [period_in(name, float(values.item())) for name, values in stated if values.size == 1]
     return Table(
         file=file,
         names=tuple(name for name, _ in columns),
