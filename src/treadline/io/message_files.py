@@ -62,24 +62,6 @@ def _plain(data: bytes) -> bytes:
     return inflate_zstd(data, size)
 
 
-class _Open:
-    """File object for rosbags: delegates to the map; a seek beyond the end takes effect at the next read, as with files."""
-
-    def __init__(self, data: mmap.mmap) -> None:
-        self._data = data
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._data, name)
-
-    def seek(self, offset: int, whence: int = 0) -> int:
-        place = offset + (self._data.tell() if whence else 0)
-        self._data.seek(min(place, len(self._data)))
-        return place
-
-    def close(self) -> None:
-        """Do nothing; the opener closes the map."""
-
-
 class _Mapped:
     """Path object for rosbags; the map limits every read to the file size, whatever a damaged header declares."""
 
@@ -89,9 +71,8 @@ class _Mapped:
     def exists(self) -> bool:
         return True
 
-    def open(self, _mode: str) -> _Open:
-        self._data.seek(0)
-        return _Open(self._data)
+    def open(self, _mode: str) -> mmap.mmap:
+        return self._data
 
 
 def _bag_messages(path: Path, wants: Callable[[str], bool]) -> Iterator[Packet]:
