@@ -10,7 +10,7 @@ import pytest
 from treadline.core.errors import LogFormatError, PeriodMismatch, SettingsError
 from treadline.core.models import InputOutputRecord
 from treadline.io import _csv_files as files
-from treadline.io.records import ChunkReader, read_chunks
+from treadline.io.records import ChunkReader
 
 KINDS = ("csv", "spreadsheet", "parquet")
 
@@ -22,7 +22,7 @@ def tiny_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def chunks_of(log, **options: object) -> ChunkReader:
-    return read_chunks(log.path, log.inputs, log.outputs, **options)
+    return ChunkReader(log.path, log.inputs, log.outputs, **options)
 
 
 @pytest.mark.usefixtures("tiny_blocks")
@@ -39,7 +39,7 @@ def test_the_fraction_grows_to_one_and_a_second_pass_is_the_first(written, recor
 @pytest.mark.usefixtures("tiny_blocks")
 def test_what_came_before_a_fault_has_been_yielded(tmp_path: Path) -> None:
     (tmp_path / "log.csv").write_text("\n".join(["t_s,u,y", *(f"{0.25 * k},{k},{k}" for k in range(25)), "x,x,x"]))
-    reader = iter(read_chunks(tmp_path / "log.csv", ("u",), ("y",), rows=4))
+    reader = iter(ChunkReader(tmp_path / "log.csv", ("u",), ("y",), rows=4))
     assert next(reader).u[:, 0].tolist() == [0, 1, 2, 3]
     with pytest.raises(LogFormatError):
         list(reader)
@@ -76,4 +76,4 @@ def test_a_file_without_lines_is_not_held_in_memory(tmp_path: Path, monkeypatch:
     monkeypatch.setattr(files, "MAX_LINE", 8000)
     (tmp_path / "log.csv").write_bytes(b"1" * 100_000)
     with pytest.raises(LogFormatError, match="longer than 8000 characters"):
-        list(read_chunks(tmp_path / "log.csv", ("u",), ("y",)))
+        list(ChunkReader(tmp_path / "log.csv", ("u",), ("y",)))

@@ -17,7 +17,7 @@ from scipy.io import savemat
 
 from treadline.core import errors
 from treadline.io import _csv_files
-from treadline.io.records import ARROW, DELIMITED, read_chunks, read_record
+from treadline.io.records import ARROW, DELIMITED, ChunkReader, read_record
 
 TABLE = Path(__file__).with_name("golden.toml")
 ROWS, PERIOD_S = 60, 0.05
@@ -136,7 +136,7 @@ def in_chunks(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(_csv_files, "BLOCK_ROWS", 5)
 
     def parts_of(path: Path, case: dict[str, Any]) -> list[Any]:
-        parts = list(read(path, case, read_chunks, rows=request.param))
+        parts = list(read(path, case, ChunkReader, rows=request.param))
         assert all(len(part) <= request.param for part in parts)
         return parts
 

@@ -210,12 +210,12 @@ def _whole(logs: Sequence[Path], asked: IdentifyOptions) -> "Identified":
 def _streamed(logs: Sequence[Path], asked: IdentifyOptions) -> "Identified":
     from treadline.cli._output import Share
     from treadline.identification import identify_chunks
-    from treadline.io.records import read_chunks
+    from treadline.io.records import ChunkReader
 
     whole = ("validate", "validate_on", "update", "delays", "resample", "stable", "forgetting")
     _reject(asked, whole, "needs the whole record; give --no-stream")
     readers = [
-        read_chunks(log, asked.input_names, asked.output_names, period_s=asked.period, allow_gaps=asked.allow_gaps) for log in logs
+        ChunkReader(log, asked.input_names, asked.output_names, period_s=asked.period, allow_gaps=asked.allow_gaps) for log in logs
     ]
     sizes = [log.stat().st_size for log in logs]
 

@@ -109,16 +109,10 @@ def write_record(path: Path, record: InputOutputRecord, first_t_s: float) -> Non
     write_whole(path, "\n".join(lines) + "\n")
 
 
-def read_chunks(
-    path: Path,
-    inputs: tuple[str, ...],
-    outputs: tuple[str, ...],
-    *,
-    rows: int = 262_144,
-    period_s: float | None = None,
-    allow_gaps: bool = False,
-) -> "ChunkReader":
-    """Return an iterator over the chunks of a CSV, Parquet or Feather file; its ``fraction`` is the progress.
+class ChunkReader:
+    """Iterable over the chunks of a CSV, Parquet or Feather file, one experiment, in order.
+
+    A second iteration starts from the beginning.
 
     Args:
         rows: Largest number of rows per chunk, by default 10 MB with five columns; without missing rows, all chunks but the last
@@ -131,25 +125,26 @@ def read_chunks(
         RecordError: During iteration, with file, line and column.
         PeriodMismatch: If the time axis is irregular: a stream is not resampled.
     """
-    check_period(period_s)
-    if rows < 2:
-        raise SettingsError(f"chunks of {rows} rows; a chunk needs two")
-    file = _file_of(path)
-    log = _open_log(file, (*inputs, *outputs), period_s)
-    if log is None:
-        raise LogFormatError(f"{file}: only CSV, Parquet and Feather are read in chunks; read it whole")
-    return ChunkReader(log, len(inputs), rows, period_s, allow_gaps=allow_gaps)
 
-
-class ChunkReader:
-    """Iterable over the chunks of one experiment, in order; a second iteration starts from the beginning."""
-
-    def __init__(self, log: Log, inputs: int, rows: int, period_s: float | None, *, allow_gaps: bool) -> None:
-        self._log = log
-        self._inputs = inputs
-        self._rows = rows
-        self._period_s = period_s
-        self._allow_gaps = allow_gaps
+    def __init__(
+        self,
+        path: Path,
+        inputs: tuple[str, ...],
+        outputs: tuple[str, ...],
+        *,
+        rows: int = 262_144,
+        period_s: float | None = None,
+        allow_gaps: bool = False,
+    ) -> None:
+        check_period(period_s)
+        if rows < 2:
+            raise SettingsError(f"chunks of {rows} rows; a chunk needs two")
+        file = _file_of(path)
+        log = _open_log(file, (*inputs, *outputs), period_s)
+        if log is None:
+            raise LogFormatError(f"{file}: only CSV, Parquet and Feather are read in chunks; read it whole")
+        self._log, self._inputs, self._rows = log, len(inputs), rows
+        self._period_s, self._allow_gaps = period_s, allow_gaps
 
     @property
     def fraction(self) -> float:
