@@ -36,10 +36,10 @@ class TopicSummary:
     last_ns: int
     stamp_ns: int
     """Stamp of the first message [ns]; the log time if the stamp is not set."""
-    pixels: str = ""
-    """Encoding of the first image."""
-    size: tuple[int, int] = (0, 0)
-    """Width and height of the first image or calibration [px]."""
+    pixels: str
+    """Encoding of the first image; empty for other messages."""
+    size: tuple[int, int]
+    """Width and height of the first image or calibration [px]; zeros for other messages."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
