@@ -55,7 +55,6 @@ class Keyboard:
         self._descriptor = descriptor
         self._key, self._first_s, self._pressed_s = "", 0.0, 0.0
         self._reports = _Reports()
-        self._answers: set[str] = set()
 
     def poll(self) -> Sequence[OperatorInput | StickReading]:
         """Return the reports that are due."""
