@@ -276,11 +276,10 @@ def _varies(rows: Sequence[Row], key: str) -> bool:
 
 def separation(values: Float[np.ndarray, " n"], failed: Bool[np.ndarray, " n"]) -> float:
     """Return the distance of the area under the ROC curve from that of chance: 0 is none, 0.5 is complete separation."""
-    from scipy.stats import rankdata
+    from scipy.stats import mannwhitneyu
 
-    n, m = int(failed.sum()), int((~failed).sum())
-    area = (rankdata(values)[failed].sum() - 0.5 * n * (n + 1)) / (n * m)
-    return abs(float(area) - 0.5)
+    pairs = failed.sum() * (~failed).sum()
+    return abs(float(mannwhitneyu(values[failed], values[~failed]).statistic / pairs) - 0.5)
 
 
 def _contours(points: Float[np.ndarray, "n 2"], failed: Bool[np.ndarray, " n"]) -> dict[float, list[Float[np.ndarray, "_ 2"]]]:

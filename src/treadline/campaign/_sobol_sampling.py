@@ -45,11 +45,6 @@ def generation_size(runs: int) -> int:
     return min(max(8, runs // 8), 40)
 
 
-def budget(runs: int) -> int:
-    """Return the number of runs of a search: complete generations only."""
-    return runs // generation_size(runs) * generation_size(runs)
-
-
 def search(
     first: Float[np.ndarray, "count dimension"], score: Callable[[int], float | None], *, generations: int, seed: int
 ) -> Iterator[Float[np.ndarray, "count dimension"]]:

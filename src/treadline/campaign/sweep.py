@@ -24,7 +24,7 @@ from treadline.campaign._draws import LISTS
 from treadline.campaign._journal import Journal
 from treadline.campaign._pool import Episode, Pool, Row
 from treadline.campaign._results import FAILED, flat, harm, has_rms, summarise, write_tables
-from treadline.campaign._sobol_sampling import Sampling, budget, generation_size, points, run_seed, search
+from treadline.campaign._sobol_sampling import Sampling, generation_size, points, run_seed, search
 from treadline.campaign.spec import SHAPE, Spec, scenario_toml
 from treadline.core.arrays import CONFIDENCE
 from treadline.core.errors import SettingsError
@@ -66,8 +66,8 @@ class SweepPlan:
 
     @property
     def total(self) -> int:
-        """Number of runs that will be executed."""
-        return budget(self.runs) if self.adversarial else self.runs
+        """Number of runs that will be executed: complete generations of a search."""
+        return self.runs - self.runs % generation_size(self.runs) if self.adversarial else self.runs
 
     @property
     def identity(self) -> dict[str, Any]:
