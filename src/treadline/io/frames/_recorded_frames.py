@@ -130,20 +130,12 @@ class FramesOfLog:
         self._uncalibrated += 1
 
     def _of_cloud(self, t_s: float, size: tuple[int, int], values: np.ndarray) -> Paired:
-        cloud, options = cloud_of(values, size if min(size) > 1 else None, t_s), self._options
-        image = cloud_image(
-            f"cloud at {t_s:.3f} s",
-            cloud,
-            None if self._given is None else self._given.camera,
-            axes=options.axes,
-            unit=options.unit or "m",
-            pose=options.pose,
-            gravity_F=options.gravity_C,
-        )
-        self._gravity_C = image.gravity_C
-        if image.warning is not None and not self._noted:
-            self._noted[image.warning] = None
-        return Paired(image.frame, image.has_colour)
+        named, warning = cloud_image(f"cloud at {t_s:.3f} s", cloud_of(values, size if min(size) > 1 else None, t_s), self._options)
+        self._gravity_C = named.gravity_C
+        if warning is not None and not self._noted:
+            self._noted[warning] = None
+        assert named.frame is not None  # noqa: S101 - for the type checker
+        return Paired(named.frame, named.has_colour)
 
     def _named(self, number: int, paired: Paired) -> NamedFrame:
         frame, has_colour = paired

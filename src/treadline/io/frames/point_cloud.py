@@ -1,7 +1,7 @@
 """Point clouds as depth images, and the options of frames whose files do not say all.
 
 A cloud is turned into the frame of its sensor, and projected by ``_cloud_projection``. F is the frame of the cloud with the axes of
-a camera, B is F with x forward, y left and z up, C is the frame of the camera that sees it.
+a camera, B is F with x forward, y left and z up, C is the frame of the camera that sees it. Poses of a sensor have the axes of B.
 """
 
 from collections.abc import Sequence
@@ -16,9 +16,8 @@ from treadline.core.angles import DEG
 from treadline.core.arrays import LARGEST
 from treadline.core.camera_images import CAMERA_AXES_IN_CHAIR, NamedFrame, PinholeCamera, RgbdFrame, gravity_of
 from treadline.core.errors import ImageError, SettingsError
-from treadline.core.rotations import Rotation, Vector3, rotation_y
+from treadline.core.rotations import Rotation, Vector3, rotation_x, rotation_y, rotation_z
 from treadline.io.frames._cloud_projection import SAMPLE, SECTOR_TAN, organised, projected, rays_of
-from treadline.io.frames._poses import SensorPose, added_up
 from treadline.scenario.camera_file import CameraFile
 
 Axes = Literal["camera", "ros", "opengl"]
@@ -37,6 +36,42 @@ IN_FRONT = 0.9
 with fewer is cropped to the sector."""
 FEWEST_POINTS = 1000
 """Fewest points of a cloud: an image of 40 × 25 pixels, in which a step 1 m away is 5 pixels high at 60° of view."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SensorPose:
+    """Pose of a sensor in a level frame."""
+
+    position_m: Vector3
+    angles_rad: tuple[float, float, float] | None = None
+    """Roll, pitch (positive downwards) and yaw [rad]; None if they are not known."""
+
+    @classmethod
+    def of(cls, where: str, given: ArrayLike) -> "SensorPose":
+        """Return the pose in three or six numbers, or in their text x,y,z,roll,pitch,yaw [m and deg].
+
+        Raises:
+            ImageError: If these are not three or six finite numbers.
+        """
+        try:
+            numbers = np.asarray(given.split(",") if isinstance(given, str) else given, dtype=float)
+        except (TypeError, ValueError):
+            numbers = np.zeros(0)
+        if numbers.shape not in {(3,), (6,)} or not np.isfinite(numbers).all():
+            raise ImageError(f"{where}: a pose is three or six numbers: x,y,z in metres, roll,pitch,yaw in degrees")
+        angles_rad: Any = tuple((numbers[3:] * DEG).tolist())
+        return cls(position_m=numbers[:3], angles_rad=angles_rad or None)
+
+    @property
+    def R(self) -> Rotation:
+        """Rotation of the sensor's frame; the order is yaw, pitch, roll."""
+        roll_rad, pitch_rad, yaw_rad = self.angles_rad or (0.0, 0.0, 0.0)
+        return np.asarray(rotation_z(yaw_rad) @ rotation_y(pitch_rad) @ rotation_x(roll_rad))
+
+    @property
+    def down_C(self) -> Vector3:
+        """Direction of gravity in the sensor's frame with the axes of a camera."""
+        return np.asarray(CAMERA_AXES_IN_CHAIR.T @ self.R.T @ np.array([0.0, 0.0, -1.0]))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -71,18 +106,6 @@ class PointCloud:
     """Width and height of an organised cloud; None for an unorganised one."""
     rgb: UInt8[np.ndarray, "n 3"] | None = None
     t_s: float = 0.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class CloudImage:
-    """Depth image of a cloud, and how its camera was found."""
-
-    frame: RgbdFrame
-    has_colour: bool
-    warning: str | None
-    """Property of the conversion that a user has to know."""
-    gravity_C: Vector3 | None
-    """Direction of gravity in the frame of the image's camera."""
 
 
 def frame_of_points(
@@ -127,10 +150,7 @@ def frame_of_points(
         scans = [PointCloud(points=_rows(f"points[{number}]", scan)) for number, scan in enumerate(points)]
         cloud, down = fused("poses", scans, [SensorPose.of("poses", one) for one in poses], axes or "ros", unit, down)
         axes, unit = "camera", "m"
-    image = cloud_image("points", cloud, axes=axes, unit=unit, pose=own, gravity_F=down)
-    return NamedFrame(
-        name="points", frame=image.frame, mount_known=own is not None, gravity_C=image.gravity_C, has_colour=image.has_colour
-    )
+    return cloud_image("points", cloud, FrameOptions(axes=axes, unit=unit, pose=own, gravity_C=down))[0]
 
 
 def fused(
@@ -143,36 +163,26 @@ def fused(
     """
     if not clouds or len(clouds) != len(poses):
         raise ImageError(f"{where}: {len(poses)} poses of {len(clouds)} clouds; give one pose a cloud")
-    in_last = added_up([_in_camera(cloud.points, axes, UNITS[unit]) for cloud in clouds], poses)
+    in_last = _added_up([_in_camera(cloud.points, axes, UNITS[unit]) for cloud in clouds], poses)
     rgb = [cloud.rgb for cloud in clouds]
     colours = None if any(part is None for part in rgb) else np.concatenate([part for part in rgb if part is not None])
     down = poses[-1].down_C if gravity_F is None else gravity_F
     return PointCloud(points=in_last, rgb=colours, t_s=clouds[-1].t_s), down
 
 
-def cloud_image(
-    where: object,
-    cloud: PointCloud,
-    camera: PinholeCamera | None = None,
-    *,
-    axes: Axes | None = None,
-    unit: str = "m",
-    pose: SensorPose | None = None,
-    gravity_F: Vector3 | None = None,
-) -> CloudImage:
-    """Return a cloud as a depth image.
+def cloud_image(where: object, cloud: PointCloud, options: FrameOptions) -> tuple[NamedFrame, str | None]:
+    """Return a cloud as a depth image, and what a user has to know of the conversion.
 
     Args:
-        where: Name of the cloud in error messages.
-        camera: Camera of the cloud if known. An organised cloud keeps its own intrinsics and takes the mount.
-        unit: Unit of the coordinates: m, cm or mm.
-        axes: Axes of the cloud. None: ros for a cloud with a pose or with points all around, else camera.
-        pose: Pose of the sensor in a level cloud, whose gravity is down unless ``gravity_F`` is given.
-        gravity_F: Direction of gravity in the cloud's frame with the axes of a camera.
+        where: Name of the cloud in error messages, and of the frame.
+        options: An organised cloud keeps its own intrinsics and takes the mount of the ``camera``. Without ``axes`` a cloud with a
+            pose, or with points all around, has those of ROS, any other those of a camera. Gravity is down in a cloud with a pose.
 
     Raises:
         ImageError: If the cloud is too small, lies behind the camera, or has another unit, or if its size is not the camera's.
     """
+    camera = None if options.camera is None else options.camera.camera
+    axes, unit, pose, gravity_F = options.axes, options.unit or "m", options.pose, options.gravity_C
     if pose is not None and pose.angles_rad is None and camera is not None:
         pose = replace(pose, angles_rad=(camera.mount_roll_rad, camera.mount_pitch_rad, camera.mount_yaw_rad))
     used = axes or ("camera" if pose is None else "ros")
@@ -209,8 +219,25 @@ def cloud_image(
         pitch_deg = mount["mount_pitch_rad"] / DEG
         warning = f"{warning}; it looks {pitch_deg:.0f}° down, and {share:.0%} of the points lie in its sector ({AXES[used][0]})"
     frame = RgbdFrame(t_s=cloud.t_s, rgb=rgb, depth_m=depth_m, camera=plane)
-    gravity_C = None if gravity_F is None else R_FC.T @ gravity_F
-    return CloudImage(frame=frame, has_colour=cloud.rgb is not None, warning=warning, gravity_C=gravity_C)
+    named = NamedFrame(
+        name=str(where),
+        frame=frame,
+        gravity_C=None if gravity_F is None else R_FC.T @ gravity_F,
+        mount_known=pose is not None or (options.camera is not None and options.camera.mount_known),
+        has_colour=cloud.rgb is not None,
+    )
+    return named, warning
+
+
+def _added_up(scans_C: Sequence[Float[np.ndarray, "n 3"]], poses: Sequence[SensorPose]) -> Float[np.ndarray, "m 3"]:
+    """Return all points in the frame of the last scan, each in its own frame with the axes of a camera before [m]."""
+    last = poses[-1]
+    moved = []
+    for points, pose in zip(scans_C, poses, strict=True):
+        R = CAMERA_AXES_IN_CHAIR.T @ last.R.T @ pose.R @ CAMERA_AXES_IN_CHAIR
+        shift = CAMERA_AXES_IN_CHAIR.T @ last.R.T @ (pose.position_m - last.position_m)
+        moved.append(points.astype(float) @ R.T + shift)
+    return np.concatenate(moved)
 
 
 def _rows(name: str, points: object) -> Float[np.ndarray, "n 3"]:

@@ -7,13 +7,20 @@ from pathlib import Path
 
 from numpy.typing import ArrayLike
 
-from treadline.core.camera_images import FrameSource, NamedFrame, PinholeCamera, SeveralFrames, gravity_of, gravity_table
+from treadline.core.camera_images import (
+    FrameSource,
+    NamedFrame,
+    PinholeCamera,
+    SeveralFrames,
+    gravity_of,
+    gravity_table,
+    named_rows,
+)
 from treadline.core.errors import ImageError, SettingsError
 from treadline.core.models import BAG_SUFFIXES
 from treadline.io.frames._cloud_files import ENDINGS, read_cloud
 from treadline.io.frames._image_files import is_photo, nominal_camera, read_frame
-from treadline.io.frames._poses import SensorPose, read_poses
-from treadline.io.frames.point_cloud import AXES, UNITS, Axes, FrameOptions, PointCloud, cloud_image, fused
+from treadline.io.frames.point_cloud import AXES, UNITS, Axes, FrameOptions, SensorPose, cloud_image, fused
 from treadline.scenario.camera_file import CameraFile, calibration_in, read_camera
 
 COLOUR_ENDINGS = ("_rgb.png", "_color_registered.png")
@@ -22,6 +29,8 @@ DEPTH_ENDING = "_depth.png"
 """File name ending of depth images."""
 POSES = "poses.csv"
 """Name of the table of a folder whose clouds add up."""
+POSE_COLUMNS = ("x", "y", "z", "roll", "pitch", "yaw")
+"""Columns of that table after the name of the cloud: position [m] and angles [deg]."""
 
 
 def read_frames(
@@ -192,31 +201,18 @@ def _added_up(path: Path, files: list[Path], options: FrameOptions) -> FrameSour
     Raises:
         ImageError: If a cloud cannot be read, or has no pose.
     """
-    poses = read_poses(path / POSES)
+    poses = {name: SensorPose.of(where, cells) for where, name, cells in named_rows(path / POSES, POSE_COLUMNS)}
     if missing := [file.name for file in files if file.name not in poses]:
         raise ImageError(f"{path / POSES}: no pose of {missing[0]}; give one row a cloud")
     clouds, used = [read_cloud(file) for file in files], [poses[file.name] for file in files]
     cloud, down = fused(path, clouds, used, options.axes or "ros", options.unit or "m", options.gravity_C)
-    named, warning = _of_cloud(path, cloud, replace(options, axes="camera", unit="m", gravity_C=down))
-    return SeveralFrames([named], [] if warning is None else [warning])
+    named, warning = cloud_image(path, cloud, replace(options, axes="camera", unit="m", gravity_C=down))
+    return SeveralFrames([replace(named, name=path.name)], [] if warning is None else [warning])
 
 
 def _cloud(path: Path, options: FrameOptions) -> tuple[NamedFrame, str | None]:
-    return _of_cloud(path, read_cloud(path), options)
-
-
-def _of_cloud(path: Path, cloud: PointCloud, options: FrameOptions) -> tuple[NamedFrame, str | None]:
-    camera = None if options.camera is None else options.camera.camera
-    given = options.pose, options.gravity_C
-    image = cloud_image(path, cloud, camera, axes=options.axes, unit=options.unit or "m", pose=given[0], gravity_F=given[1])
-    named = NamedFrame(
-        name=path.name,
-        frame=image.frame,
-        gravity_C=image.gravity_C,
-        mount_known=options.pose is not None or (options.camera is not None and options.camera.mount_known),
-        has_colour=image.has_colour,
-    )
-    return named, image.warning
+    named, warning = cloud_image(path, read_cloud(path), options)
+    return replace(named, name=path.name), warning
 
 
 class _FolderOfFrames:
