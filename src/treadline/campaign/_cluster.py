@@ -11,7 +11,6 @@ from collections.abc import Generator, Iterable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import ExitStack
 from itertools import islice
-from types import TracebackType
 from typing import Any
 
 from treadline.campaign._pool import BLOCK, LIVES, ONE_THREAD, Episode, EpisodeRunner, Row, failed, not_for_children, run_one
@@ -97,7 +96,7 @@ class Cluster:
                     f"{here[other[0]]}; install the same versions there, or the results differ"
                 )
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         self._open.close()
 
     def results(self, episodes: Iterable[Episode]) -> Iterator[Row]:

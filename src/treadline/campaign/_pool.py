@@ -17,7 +17,6 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from traceback import extract_tb
-from types import TracebackType
 from typing import Any
 
 from treadline.core.errors import SimulationDiverged
@@ -103,7 +102,7 @@ class Pool:
     def __enter__(self) -> "Pool":
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         for process in self._workers.values():
             process.kill()
         for pipe in list(self._workers):
