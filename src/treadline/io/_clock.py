@@ -25,7 +25,6 @@ _UNITS = {
 _PER_SECOND = {word: ticks for ticks, words in _UNITS.items() for word in words.split()}
 _TIMES = {"t", "ts", "time", "timestamp", "datetime", "stamp", "elapsed", "epoch", "zeit", "zeitstempel", "temps", "tiempo"}
 _OF_TIMES = {*_TIMES, "header", "date", "unix", "utc", "ros", "rosbag", "log", "sim", "system", "relative"}
-_HEADER_STAMP = ["header", "stamp"]
 _SECONDS, _NANOSECONDS = {"sec", "secs", "seconds"}, {"nsec", "nsecs", "nanosec", "nanosecs", "nanoseconds"}
 """Units of two columns that are added."""
 _PERIODS = {"ts", "dt", "dts", "period", "periods", "sampletime", "samplingtime", "samplingperiod", "samplinginterval"}
@@ -70,7 +69,7 @@ def _clock(name: str, words: dict[str, list[str]]) -> tuple[list[str], TimeColum
     per_s = _PER_SECOND.get(last)
     said = words[name] if per_s is None else said
     is_time = _OF_TIMES.issuperset(said) and not _TIMES.isdisjoint(said)
-    if is_time or said[-2:] == _HEADER_STAMP or (per_s and not said and len(last) > len("min")):
+    if is_time or said[-2:] == ["header", "stamp"] or (per_s and not said and len(last) > len("min")):
         return said, TimeColumn(columns=(name,), per_s=per_s)
     return said, None
 

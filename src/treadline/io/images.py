@@ -80,12 +80,6 @@ class Paired(NamedTuple):
     has_colour: bool
 
 
-Calibrate = Callable[[PinholeCamera | None], PinholeCamera | None]
-"""Function from the log's calibration (None before one) to the calibration to use (None: the frames wait)."""
-Lost = Callable[[float, str], object]
-"""Function that receives the stamp of a depth image that becomes no frame [s], and the reason."""
-
-
 class Pairing:
     """Pairs depth images with colour images of their time and a calibration, in whatever order these come.
 
@@ -95,8 +89,8 @@ class Pairing:
     Args:
         has_colour: Whether a depth image waits for a colour image.
         unit_m: Depth per count of a 16-bit depth image [m].
-        calibrate: Function that returns the calibration to use.
-        lost: Receives each depth image that becomes no frame.
+        calibrate: Function from the log's calibration (None before one) to the calibration to use (None: the frames wait).
+        lost: Receives the stamp of each depth image that becomes no frame [s], and the reason.
         ahead: Number of images that wait for their other one; where each topic travels by itself, one may be images ahead.
         is_alone_enough: Whether a depth image that is given up becomes a frame without colour.
         is_ours: Whether each depth image has a calibration of its own stamp, as in a run's own log: it waits for that one.
@@ -108,8 +102,8 @@ class Pairing:
         *,
         has_colour: bool = True,
         unit_m: float = MILLIMETRE,
-        calibrate: Calibrate = lambda logged: logged,
-        lost: Lost = lambda _t_s, _reason: None,
+        calibrate: Callable[[PinholeCamera | None], PinholeCamera | None] = lambda logged: logged,
+        lost: Callable[[float, str], object] = lambda _t_s, _reason: None,
         ahead: int = 1,
         is_alone_enough: bool = False,
         is_ours: bool = False,

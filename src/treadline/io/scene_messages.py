@@ -25,7 +25,6 @@ MARKERS = "visualization_msgs/msg/MarkerArray"
 TEXT = "std_msgs/msg/String"
 LINE_LIST, TRIANGLE_LIST = 5, 11
 """Types of a visualization_msgs/Marker."""
-Rgba = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -50,7 +49,7 @@ class Marker:
     kind: int
     points_m: Float[np.ndarray, "n 3"]
     """Corners of triangles, or ends of lines, in order."""
-    rgba: Rgba
+    rgba: tuple[float, float, float, float]
     width_m: float = 1.0
     """Width of lines; triangles have a scale of 1."""
 

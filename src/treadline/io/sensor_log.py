@@ -36,10 +36,6 @@ EVENTS_MAX = 20
 """Largest number of events per topic and reason; further ones are only counted."""
 
 
-Calibrate = Callable[[PinholeCamera | None, tuple[int, int]], PinholeCamera | None]
-"""Function from the log's calibration (None without one) and image size (width, height) to the calibration to use."""
-
-
 class SensorLog:
     """Recorded sensor readings of one log, in time order.
 
@@ -55,7 +51,7 @@ class SensorLog:
         named: Mapping[str, str] | None = None,
         sealed: bool = False,
         depth_unit_m: float = MILLIMETRE,
-        calibrate: Calibrate = lambda logged, _size: logged,
+        calibrate: Callable[[PinholeCamera | None, tuple[int, int]], PinholeCamera | None] = lambda logged, _size: logged,
     ) -> None:
         """Survey a log.
 
@@ -64,7 +60,8 @@ class SensorLog:
             named: Topics by role, where the types are ambiguous.
             sealed: Whether the log belongs to a run folder and has checksums throughout.
             depth_unit_m: Depth per count of a 16-bit depth image [m].
-            calibrate: Function that sets the camera's mount, and intrinsics that are missing or wrong in the log.
+            calibrate: Function from the log's calibration (None without one) and image size (width, height) to the one to use: it
+                sets the camera's mount, and intrinsics that are missing or wrong in the log.
         """
         self._path = path
         self._sealed = sealed
