@@ -86,11 +86,12 @@ SIGNALS = {own.kind: signal for signal, own in OWN.items()}
 """Signal of each message type of ``treadline_msgs``."""
 
 
-class _Form:
+@cache
+class Form:
     """Encoder and decoder of a signal whose message has its fields by name, after the header.
 
     Args:
-        signal: Type of the signal.
+        signal: Type of the signal, a key of ``OWN``.
     """
 
     def __init__(self, signal: type) -> None:
@@ -167,12 +168,6 @@ def _word(words: dict[int, str | None], number: int) -> str | None:
     return words[number]
 
 
-@cache
-def form_of(signal: type) -> _Form:
-    """Return encoder and decoder of a signal of ``OWN``."""
-    return _Form(signal)
-
-
 def messages_of(signal: Any, topic: str | None = None) -> list[RosMessage]:
     """Return the messages of a signal, on the default topic of its type unless ``topic`` is given."""
     own, write = _known_type(signal)
@@ -186,7 +181,7 @@ def topic_of(signal: Any) -> str:
 
 def _own(signal: Any, topic: str) -> list[RosMessage]:
     kind: type = type(signal)
-    return [form_of(kind).message(signal, topic)]
+    return [Form(kind).message(signal, topic)]
 
 
 def joints(

@@ -43,7 +43,7 @@ from treadline.io.messages import (
     SIGNALS,
     STATUS,
     TRUTH_NAMES,
-    form_of,
+    Form,
     images_of,
     joints,
     messages_of,
@@ -290,7 +290,7 @@ OURS = frozenset({
 def signal_reader(topic: str, kind: str) -> Read | None:
     """Return the decoder of a topic's messages to signals, from message and stamp [s]; None if the type means something else."""
     if kind in SIGNALS:
-        return form_of(SIGNALS[kind]).decode
+        return Form(SIGNALS[kind]).decode
     return imu if kind == IMU else STANDARD.get((topic, kind))
 
 
