@@ -12,6 +12,7 @@ import numpy as np
 
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import CameraError
+from treadline.core.files import write_whole
 from treadline.io.live import CameraImages
 from treadline.scenario.camera_file import CameraFile
 
@@ -41,9 +42,7 @@ class FrameFile:
             self._calibration.write_text(CameraFile.of(frame.camera, "the emulated camera").text, encoding="utf-8")
         data = io.BytesIO()
         np.savez(data, t_s=t_s, depth_m=frame.depth_m, rgb=frame.rgb, lens=frame.camera.pinhole)
-        draft = self._path.with_name(self._path.name + ".new")
-        draft.write_bytes(data.getvalue())
-        draft.replace(self._path)
+        write_whole(self._path, data.getvalue())
 
 
 class EmulatedCamera:
