@@ -196,13 +196,7 @@ def _write_csv(path: Path, rows: Iterable[Row], names: Sequence[str]) -> None:
     with written_whole(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(names)
-        writer.writerows([_cell(row.get(name)) for name in names] for row in rows)
-
-
-def _cell(value: object) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    return "" if value is None else str(value)
+        writer.writerows([str(cell).lower() if isinstance(cell := row.get(name), bool) else cell for name in names] for row in rows)
 
 
 def _write_parquet(path: Path, rows: Iterable[Row], kinds: Mapping[str, set[type]]) -> bool:

@@ -191,8 +191,7 @@ def heading_table(path: Path) -> Iterator[Callable[[Mapping[str, Any]], None]]:
         def write(values: Mapping[str, Any]) -> None:
             if suffix == ".csv":
                 stair = values["stair"] or {}
-                row = [values.get(column) for column in COLUMNS] + [stair.get(column) for column in STAIR_COLUMNS]
-                rows.writerow(["" if cell is None else cell for cell in row])
+                rows.writerow([values.get(column) for column in COLUMNS] + [stair.get(column) for column in STAIR_COLUMNS])
             else:
                 file.write(json.dumps(plain(values), allow_nan=False) + "\n")
             file.flush()
