@@ -114,6 +114,11 @@ class SimulationDiverged(TreadlineError):
     """The simulation is numerically invalid (a warning, time running backwards, a non-finite state)."""
 
 
+def one_line(error: Exception, most: int = 200) -> str:
+    """Return the message of an error on one line of limited length: names out of a file, and vendors' texts, may hold anything."""
+    return " ".join(str(error).split())[:most]
+
+
 def closest(name: str, known: Iterable[str]) -> str | None:
     """Return the known name that is most similar to a misspelt one, or None; other digits name another thing, as of two cameras."""
     alike = [other for other in known if re.sub(r"\D", "", other) == re.sub(r"\D", "", name)]

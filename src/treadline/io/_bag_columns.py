@@ -24,8 +24,8 @@ from jaxtyping import Float64
 from treadline.core.errors import LogFormatError, NotFinite, RecordError
 from treadline.io import mcap_read
 from treadline.io._tables import Table, held, listed, rows_of
-from treadline.io.mcap_read import RecordedTopic
-from treadline.io.message_files import READERS, damage, decoder_of, parts_of
+from treadline.io.mcap_read import RecordedTopic, damage
+from treadline.io.message_files import READERS, decoder_of, parts_of
 
 _Series = tuple[Float64[np.ndarray, " n"], Float64[np.ndarray, " n"]]
 """Times since the first message of the log [ns], and values."""

@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from treadline.core.errors import LogFormatError
 from treadline.core.signals import TICK_S
-from treadline.io.mcap_read import RecordedTopic, mcap_messages, one_error
+from treadline.io.mcap_read import RecordedTopic, damage, mcap_messages
 from treadline.io.message_types import CDR, PACKAGE, TICK_NS, row_layout, seconds_of
 from treadline.io.messages import IMU
 from treadline.io.standard_messages import signal_reader
@@ -58,7 +58,7 @@ def read_contents(
     logged_ns: dict[str, list[int]] = {}
     data: dict[str, list[bytes]] = {}
     contents = LogContents()
-    with one_error(path):
+    with damage(path):
         for topic, time_ns, message in mcap_messages(path, wanted.__contains__, sealed=True):
             topics[topic.name] = topic
             logged_ns.setdefault(topic.name, []).append(time_ns)

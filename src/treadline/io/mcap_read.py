@@ -23,7 +23,7 @@ from mcap.records import Channel, Chunk, DataEnd, Header, McapRecord, Message, S
 from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC
 
-from treadline.core.errors import LogFormatError
+from treadline.core.errors import LogFormatError, TreadlineError, one_line
 from treadline.io.images import Pairing
 from treadline.io.message_types import message_of, stamped_s
 from treadline.io.messages import CAMERA_INFO, IMAGE
@@ -93,7 +93,7 @@ def read_log(path: Path, wants: Callable[[str], bool] = lambda _: True) -> Itera
         LogFormatError: If the file is missing, too large, damaged or not a treadline log.
     """
     decoder = LogDecoder()
-    with one_error(path):
+    with damage(path):
         for topic, _, data in mcap_messages(path, wants, sealed=True):
             signal = decoder.signal(topic.name, topic.kind, data)
             if signal is not None:
@@ -101,16 +101,19 @@ def read_log(path: Path, wants: Callable[[str], bool] = lambda _: True) -> Itera
 
 
 @contextmanager
-def one_error(path: Path) -> Iterator[None]:
-    """Turn every failure to read a run log into one ``LogFormatError`` that names the file."""
+def damage(file: Path) -> Iterator[None]:
+    """Turn every failure to read a log into one error that names the file."""
     try:
         yield
     except LogFormatError as error:
-        raise LogFormatError(f"{path}: {error}") from None
+        raise LogFormatError(f"{file}: {one_line(error, 500)}") from None
+    except TreadlineError:
+        raise
     except OSError as error:
-        raise LogFormatError(f"{path}: {error.strerror or error}") from None
-    except BROKEN as error:
-        raise LogFormatError(f"{path}: not a valid MCAP file: {error}; is it truncated or modified?") from None
+        raise LogFormatError(f"{file}: {error.strerror or error}") from None
+    except Exception as error:
+        cause = one_line(error, 500) or type(error).__name__
+        raise LogFormatError(f"{file}: not a whole log: {cause}; was it cut short? (mcap recover, rosbag reindex)") from error
 
 
 def has_arrivals(path: Path) -> bool:
@@ -131,7 +134,7 @@ def run_metadata(path: Path) -> dict[str, str]:
     Raises:
         LogFormatError: If the file is missing or damaged.
     """
-    with one_error(path), path.open("rb") as file:
+    with damage(path), path.open("rb") as file:
         found = SeekingReader(file, record_size_limit=MAX_CHUNK_BYTES).iter_metadata()
         return next((dict(record.metadata) for record in found if record.name == LIBRARY), {})
 
@@ -176,16 +179,11 @@ class _Topics:
         if isinstance(record, Schema):
             self._schemas[record.id] = record
         elif isinstance(record, Channel):
-            schema = self._schemas.get(record.schema_id)
             self._topics[record.id] = None
             if self._wants(record.topic):
-                self._topics[record.id] = RecordedTopic(
-                    name=record.topic,
-                    encoding=record.message_encoding,
-                    kind="" if schema is None else schema.name,
-                    language="" if schema is None else schema.encoding,
-                    definition="" if schema is None else schema.data.decode(),
-                )
+                schema = self._schemas.get(record.schema_id, Schema(id=0, name="", encoding="", data=b""))
+                kind, language, definition = schema.name, schema.encoding, schema.data.decode()
+                self._topics[record.id] = RecordedTopic(record.topic, record.message_encoding, kind, language, definition)
         elif isinstance(record, Message) and (topic := self._topics[record.channel_id]) is not None:
             yield topic, record.log_time, record.data
 

@@ -10,13 +10,13 @@ import mmap
 import re
 import sqlite3
 from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing
 from pathlib import Path
 from typing import Any, cast
 
 import zstandard
 
-from treadline.core.errors import LogFormatError, TreadlineError
+from treadline.core.errors import LogFormatError
 from treadline.io import mcap_read
 from treadline.io.mcap_read import Packet, RecordedTopic, inflate_lz4, inflate_zstd, mcap_messages
 
@@ -130,25 +130,6 @@ def _number(path: Path) -> tuple[int, str]:
     """Order the parts of a bag: run_2 before run_10."""
     digits = path.stem.rpartition("_")[2]
     return int(digits) if digits.isascii() and digits.isdigit() else 0, path.name
-
-
-@contextmanager
-def damage(file: Path) -> Iterator[None]:
-    """Turn every failure to read a damaged log into one error that names the file."""
-    try:
-        yield
-    except LogFormatError as error:
-        raise LogFormatError(f"{file}: {_line(error)}") from None
-    except TreadlineError:
-        raise
-    except Exception as error:
-        cause = _line(error) or type(error).__name__
-        raise LogFormatError(f"{file}: not a whole log: {cause}; was it cut short? (mcap recover, rosbag reindex)") from error
-
-
-def _line(error: Exception) -> str:
-    """Return what an error says on one line: names out of a file may hold anything."""
-    return " ".join(str(error).split())[:500]
 
 
 def decoder_of(topic: RecordedTopic) -> Callable[[bytes], Any]:

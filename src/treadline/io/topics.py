@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 from treadline.core.errors import LogFormatError, SettingsError
 from treadline.core.signals import HeadingMeasurement
 from treadline.io._tables import listed
-from treadline.io.mcap_read import Packet, RecordedTopic, mcap_messages
-from treadline.io.message_files import READERS, damage, parts_of
+from treadline.io.mcap_read import Packet, RecordedTopic, damage, mcap_messages
+from treadline.io.message_files import READERS, parts_of
 from treadline.io.message_types import message_of, stamped_s
 from treadline.io.messages import CAMERA_INFO, COMPRESSED, IMAGE, IMU, JOINTS, OWN
 from treadline.io.standard_messages import HEADINGS, signal_reader

@@ -9,7 +9,7 @@ from typing import Any, get_args
 import numpy as np
 
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
-from treadline.core.errors import ImageError, LogFormatError
+from treadline.core.errors import ImageError, LogFormatError, one_line
 from treadline.core.rotations import quaternion_of
 from treadline.core.signals import CommandSource, Event, VelocityCommand
 from treadline.io.images import Pairing, with_mount
@@ -104,7 +104,7 @@ class Decoder:
         except LogFormatError as error:
             raise LogFormatError(f"{topic}: {error}") from None
         except BROKEN as error:
-            raise LogFormatError(f"{topic}: {' '.join(str(error).split())[:200] or type(error).__name__}") from None
+            raise LogFormatError(f"{topic}: {one_line(error) or type(error).__name__}") from None
 
     def _mounted(self, camera: PinholeCamera | None) -> PinholeCamera | None:
         return camera if camera is None or self._mount is None else with_mount(camera, self._mount)

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.lib import recfunctions
 
-from treadline.core.errors import ImageError, LogFormatError
+from treadline.core.errors import ImageError, LogFormatError, one_line
 from treadline.io.frames.point_cloud import PointCloud
 
 ENDINGS = (".ply", ".pcd")
@@ -50,7 +50,7 @@ def read_cloud(path: Path) -> PointCloud:
     except ImportError as error:
         raise ImageError(f"{path}: PCD files need pypcd4, which does not load ({error}): pip install pypcd4") from None
     except Exception as error:  # noqa: BLE001 - damaged bytes can raise any exception in the parsers
-        raise ImageError(f"{path}: damaged point cloud: {' '.join(str(error).split())[:200]}; export it again") from None
+        raise ImageError(f"{path}: damaged point cloud: {one_line(error)}; export it again") from None
 
 
 def cloud_of(values: np.ndarray, size_px: tuple[int, int] | None, t_s: float = 0.0) -> PointCloud:

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float, Float32, UInt8
 
 from treadline.core.camera_images import PinholeCamera
-from treadline.core.errors import CameraError
+from treadline.core.errors import CameraError, one_line
 from treadline.core.rotations import Rotation, Vector3
 
 
@@ -110,11 +110,6 @@ def no_frame(name: str, timeout_s: float, error: Exception | None = None) -> Cam
     """Return the error for a camera whose images stop."""
     text = "" if error is None else one_line(error)
     return CameraError(f"{name}: no depth image for {timeout_s:g} s{f' ({text})' if text else ''}; was it unplugged?")
-
-
-def one_line(error: Exception) -> str:
-    """Return a vendor's message on one line."""
-    return " ".join(str(error).split())[:200]
 
 
 def rotation_or_none(R: Any) -> Rotation | None:
