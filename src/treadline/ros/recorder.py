@@ -5,7 +5,6 @@ with no ROS installed: MCAP, ROS 1's .bag and ROS 2's SQLite. They are read back
 """
 
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +33,7 @@ def open_bag(path: Path) -> "RunLog | _RosBag":
     """
     if path.suffix == ".mcap":
         return RunLog(path, image_every=1, messages=_messages)
-    if path.suffix not in _OPENERS:
+    if path.suffix not in {".bag", ".db3"}:
         raise SettingsError(f"{path}: '{path.suffix}' is no bag that is written: .mcap, .bag (ROS 1), .db3 (ROS 2)")
     if path.exists():
         raise SettingsError(f"{path}: is there already; give another name")
@@ -46,9 +45,17 @@ class _RosBag:
     """A bag under a temporary name until it is whole."""
 
     def __init__(self, path: Path) -> None:
+        from rosbags import rosbag1, rosbag2
+
         self._path, self._temporary = path, path.with_name(path.name + ".part")
-        self._writer, self._store = _OPENERS[path.suffix](self._temporary)
         self._ros1 = path.suffix == ".bag"
+        if self._ros1:
+            self._temporary.unlink(missing_ok=True)
+            self._writer: Any = rosbag1.Writer(self._temporary)
+            self._writer.set_compression(rosbag1.Writer.CompressionFormat.LZ4)
+        else:
+            shutil.rmtree(self._temporary, ignore_errors=True)
+            self._writer = rosbag2.Writer(self._temporary, version=9, storage_plugin=rosbag2.StoragePlugin.SQLITE3)
         self._writer.open()
         self._connections: dict[str, Any] = {}
         self._closed = False
@@ -58,7 +65,7 @@ class _RosBag:
         for message in _messages(signal, ros1=self._ros1):
             connection = self._connections.get(message.topic)
             if connection is None:
-                connection = self._writer.add_connection(message.topic, message.kind, typestore=self._store)
+                connection = self._writer.add_connection(message.topic, message.kind, typestore=store(ros1=self._ros1))
                 self._connections[message.topic] = connection
             self._writer.write(connection, time_ns, message.encoded(ros1=self._ros1))
 
@@ -79,27 +86,6 @@ def _messages(signal: Any, *, ros1: bool = False) -> list[RosMessage]:
     """Return the messages of a signal: those of a run's log, and those that only nodes publish."""
     channel = {Odometry: on.ODOM, Mounts: on.MOUNTS}.get(type(signal))
     return messages_on(topic_of(signal) if channel is None else channel, signal, ros1=ros1)
-
-
-def _ros1(temporary: Path) -> tuple[Any, Any]:
-    """Return a writer of rosbags, and its store of types."""
-    from rosbags.rosbag1 import Writer
-
-    temporary.unlink(missing_ok=True)
-    writer = Writer(temporary)
-    writer.set_compression(Writer.CompressionFormat.LZ4)
-    return writer, store(ros1=True)
-
-
-def _ros2(temporary: Path) -> tuple[Any, Any]:
-    """Return a writer of rosbags, and its store of types."""
-    from rosbags.rosbag2 import StoragePlugin, Writer
-
-    shutil.rmtree(temporary, ignore_errors=True)
-    return Writer(temporary, version=9, storage_plugin=StoragePlugin.SQLITE3), store()
-
-
-_OPENERS: dict[str, Callable[[Path], tuple[Any, Any]]] = {".bag": _ros1, ".db3": _ros2}
 
 
 INPUTS = ("left_m_s", "right_m_s")
