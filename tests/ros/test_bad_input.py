@@ -27,7 +27,7 @@ from treadline.ros.assembly import node_of
 from treadline.ros.block_nodes import GuardNode, SeatNode
 from treadline.ros.channels import Clock, GuardState
 from treadline.ros.lockstep import InProcess
-from treadline.ros.node_process import NodeRunner, run_plant
+from treadline.ros.node_process import NodeRunner, PlantRunner
 from treadline.ros.plant_node import PlantNode
 from treadline.scenario.chair import read_chair
 
@@ -164,7 +164,7 @@ def test_a_guard_without_a_plant_waits_and_says_for_what(capsys: Any) -> None:
 def test_a_guard_that_is_never_ready() -> None:
     node = PlantNode(ReplayPlant([]), limits())
     with pytest.raises(TreadlineError, match=r"^plant: the guard is not ready after 0 s: not heard; start the missing nodes$"):
-        run_plant(node, Air(), stop=Flag(), patience_s=0.1)
+        PlantRunner(node, Air(), patience_s=0.1).run(Flag())
 
 
 def test_a_first_tick_that_compiles_is_no_standstill(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -176,7 +176,7 @@ def test_a_first_tick_that_compiles_is_no_standstill(monkeypatch: pytest.MonkeyP
     for module in ("ros.node_process", "core.loop_watchdog"):
         monkeypatch.setattr(f"treadline.{module}.time", SimpleNamespace(monotonic=lambda: next(wall)))
     node = PlantNode(plant, limits())
-    run_plant(node, air, stop=Flag(), duration_s=0.01)
+    PlantRunner(node, air).run(Flag(), 0.01)
     assert node.last_guard.fault is None
 
 

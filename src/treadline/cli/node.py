@@ -65,7 +65,7 @@ def node(
         out: Run folder, or .mcap, .bag or .db3 file, that the recorder writes.
     """
     from treadline.ros.assembly import driving_nodes, node_of, reject_unknown
-    from treadline.ros.node_process import NodeRunner, run_plant
+    from treadline.ros.node_process import NodeRunner, PlantRunner
     from treadline.ros.plant_node import PlantNode
     from treadline.ros.recorder import RecorderNode
     from treadline.run.resolve import resolve
@@ -90,7 +90,7 @@ def node(
         if isinstance(made, PlantNode | RecorderNode):
             opened.callback(made.close)
         if isinstance(made, PlantNode):
-            t_s = run_plant(made, wire, stop=stop, pace=pace, duration_s=duration or setup.scenario.drive.duration_s)
+            t_s = PlantRunner(made, wire, pace=pace).run(stop, duration or setup.scenario.drive.duration_s)
             return Answer(values={"node": name, "t_s": t_s}, summary=[f"plant: {t_s:.1f} s simulated"])
         NodeRunner(made, wire, clock=clock, patience_s=patience).run(stop)
     lost, broken = dict(wire.inbox.lost), dict(wire.broken)

@@ -220,6 +220,17 @@ class PlantRunner:
         self.t_s = START_S
         """Simulated time [s]."""
 
+    def run(self, stop: Flag, duration_s: float = math.inf) -> float:
+        """Run until ``stop`` is set, or for a simulated time; return the simulated time at the end [s].
+
+        Raises:
+            TreadlineError: If no guard is ready in time.
+        """
+        with self:
+            while not stop.is_set() and self.t_s < duration_s:
+                self._transport.deliver(self.turn())
+        return self.t_s
+
     def __enter__(self) -> Self:
         """Begin to run: the wait for the guard counts from now on."""
         self._watchdog = LoopWatchdog(self._node.trip, self._node.brake, limit_s=SILENCE_S)
@@ -265,29 +276,6 @@ class PlantRunner:
         self._transport.publish(on.CLOCK, Clock(t_s=self.t_s))
         self._ticked_at = time.monotonic()
         self._due_at = max(self._due_at + self._period_s, self._ticked_at - TICK_S)
-
-
-def run_plant(
-    node: PlantNode,
-    transport: WireTransport,
-    *,
-    stop: Flag,
-    pace: float = 1.0,
-    duration_s: float = math.inf,
-    patience_s: float = PATIENCE_S,
-) -> float:
-    """Run a simulated plant; return the simulated time at its end [s].
-
-    Args:
-        pace: Simulated seconds per second.
-
-    Raises:
-        TreadlineError: If no guard is ready in time.
-    """
-    with PlantRunner(node, transport, pace=pace, patience_s=patience_s) as runner:
-        while not stop.is_set() and runner.t_s < duration_s:
-            transport.deliver(runner.turn())
-        return runner.t_s
 
 
 class _Peers:
