@@ -93,24 +93,23 @@ class FramesOfLog:
             is_ours=self._sealed,
         )
         self._last_s = -np.inf
-        number = 0
+        number = -1
+        for number, paired in enumerate(self._paired()):
+            yield self._named(number, paired)
+        if number < 0:
+            raise LogFormatError(
+                f"{self._path}: no calibration on {self._info} before the last depth image; give --camera camera.toml"
+            )
+
+    def _paired(self) -> Iterator[Paired]:
         for topic, logged_ns, data in packets(self._log, self._roles.__contains__, sealed=self._sealed):
             try:
-                ready = self._frames(topic, logged_ns, data)
+                yield from self._frames(topic, logged_ns, data)
             except (LogFormatError, *BROKEN) as error:
                 raise LogFormatError(f"{self._path}: {topic.name}: {error}") from None
             except ImageError as error:
                 raise ImageError(f"{self._path}: {topic.name}: {error}") from None
-            for paired in ready:
-                yield self._named(number, paired)
-                number += 1
-        for paired in self._pairing.rest():
-            yield self._named(number, paired)
-            number += 1
-        if number == 0:
-            raise LogFormatError(
-                f"{self._path}: no calibration on {self._info} before the last depth image; give --camera camera.toml"
-            )
+        yield from self._pairing.rest()
 
     def _frames(self, topic: RecordedTopic, logged_ns: int, data: bytes) -> list[Paired]:
         """Return the frames that a message completes."""
