@@ -21,17 +21,6 @@ from treadline.report.labels import score_name, score_unit, suffix
 from treadline.report.side_view import SideViews
 from treadline.scenario.scenario import Scenario
 
-COLOURS = {
-    "arrived": "#009e73",
-    "arrived_rough": "#d55e00",
-    "held": "#e69f00",
-    "held_rough": "#a35200",
-    "refused": "#56b4e9",
-    "end_of_flight": "#0072b2",
-    "time_up": "#999999",
-    "fell": "#e4002b",
-    "other": "#8a4fa0",
-}
 FRAME = {"x": 64.0, "y": 12.0, "width": 560.0, "height": 276.0}
 """Frame of a chart in a drawing of 640 by 320 px, with room for ticks; the axis titles are text of the page."""
 
@@ -65,7 +54,6 @@ def write_page(
         chart=_chart(shown, drawn, summary["score"]),
         frontier=None if found is None else _frontier(shown, found),
         views={index: Markup(view) for index, view in (views or {}).items()},  # noqa: S704 - drawn by this package
-        colours=COLOURS,
         score_name=score_name,
         unit_of=_unit,
         titled=_titled,
