@@ -118,7 +118,7 @@ class SerialLink:
         self._joints, self._joints_s = (0.0, 0.0), -math.inf
 
     def poll(self) -> Sequence[BoxReading]:
-        """Return the readings since the last call, and hand the limits to a box that has none.
+        """Return the readings since the last call, and hand the limits to a box that stands and has others.
 
         Raises:
             LinkError: If the device has gone, is no box, or speaks another version.
@@ -137,8 +137,8 @@ class SerialLink:
                 f"{self._port} sent no frame of a box within {SPEAKS_S:g} s ({self._reader.broken} broken ones); "
                 "check the port, the bit rate, and that the box runs the firmware"
             )
-        if readings and self._limits is not None:
-            self._set_limits(self._limits)
+        if states and self._limits is not None and states[-1].cause != Cause.ARMED and states[-1].limits != self._limits:
+            self._send(Kind.LIMITS, self._limits)  # a box that stands accepts a re-arm afterwards
         return readings
 
     def send(self, left_m_s: float, right_m_s: float) -> None:
@@ -173,12 +173,6 @@ class SerialLink:
 
     def _rates(self) -> tuple[float, float]:
         return self._joints if time.monotonic() - self._joints_s <= MOVE_VALID_S else (0.0, 0.0)
-
-    def _set_limits(self, limits: tuple[int, ...]) -> None:
-        """Send the limits to a box that stands and has others: it accepts a re-arm afterwards."""
-        state = self._state
-        if state is not None and state.cause != Cause.ARMED and state.limits != limits:
-            self._send(Kind.LIMITS, limits)
 
     def _send(self, kind: Kind, values: tuple[int, ...] = (0,) * frame.VALUES) -> None:
         """Write a message, unless only sensors are read."""
