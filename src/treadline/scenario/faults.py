@@ -42,14 +42,8 @@ class Process(IntEnum):
 
 WRONG_STAMP_S = 1e6
 """Stamp of a message under ``wrong_stamp`` [s]: eleven days in the future."""
-
-
-class Message(IntEnum):
-    """Message to the guard with a false stamp under ``wrong_stamp``."""
-
-    MAP = 0
-    PLAN = 1
-    HEALTH = 2
+Message = IntEnum("Message", "MAP PLAN HEALTH", start=0)
+"""Message to the guard with a false stamp under ``wrong_stamp``."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
