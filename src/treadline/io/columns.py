@@ -6,6 +6,7 @@ places, as long as the frame's name has one length. Others are decoded one by on
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain, repeat
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +25,6 @@ _STAMP = slice(len(CDR), len(CDR) + 8)
 """Bytes of the stamp, with which each message begins."""
 _COUNT = slice(_STAMP.stop, _STAMP.stop + 4)
 """Bytes of the length of the frame's name."""
-MOST_TEXTS = 8
-"""More texts than any message of a log has."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -98,7 +97,7 @@ def _places(kind: str, data: Sequence[bytes], names: Sequence[str]) -> list[int]
     count = int.from_bytes(data[0][_COUNT], "little")
     if count > len(data[0]):
         raise LogFormatError("a message ends before its last field")
-    layout = {name: at for name, code, at in row_layout(kind, (count, *(1,) * MOST_TEXTS)) if code == "d"}
+    layout = {name: at for name, code, at in row_layout(kind, chain([count], repeat(1))) if code == "d"}
     return [len(CDR) + layout[name] for name in names]
 
 

@@ -7,7 +7,7 @@ of ROS 1, which has reached its end of life, are rosbags' conversion of these.
 """
 
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cache, lru_cache
 from importlib.resources import files
 from typing import Any, NamedTuple
@@ -83,7 +83,7 @@ def message_of(kind: str, data: bytes, *, ros1: bool = False) -> Any:
         raise LogFormatError(f"not a {kind}: {error}") from None
 
 
-def row_layout(kind: str, sizes: tuple[int, ...], lengths: tuple[int, ...] = ()) -> list[tuple[str, str, int]]:
+def row_layout(kind: str, sizes: Iterable[int], lengths: tuple[int, ...] = ()) -> list[tuple[str, str, int]]:
     """Return name, ``struct`` code and offset of each value of a message, CDR's encapsulation header not counted.
 
     Args:
