@@ -25,7 +25,6 @@ from treadline.core.signals import (
 )
 from treadline.mission.odometry import Odometry
 from treadline.ros import channels as on
-from treadline.ros.channels import Beat, Clock, GuardState
 
 T_S = 12.34
 CAMERA = PinholeCamera(
@@ -37,7 +36,7 @@ PLACES_B = [(-0.1, 0.0, 0.01), (-0.4, 0.001, -0.17)]
 SIDES_M = {"right_wall_m": 0.6, "left_seen_m": -0.1, "right_seen_m": 0.55}
 MAP = stair(T_S, PLACES_B, direction="down", rise_m=0.17, slope_rad=0.5, ends=True, **SIDES_M)
 SIGNALS = [
-    (on.CLOCK, Clock(t_s=T_S)),
+    (on.CLOCK, on.Clock(t_s=T_S)),
     (on.TWIST, VelocityCommand(t_s=T_S, speed_m_s=0.2, turn_rad_s=-0.1)),
     (
         on.ODOM,
@@ -109,8 +108,8 @@ SIGNALS = [
     (on.SEAT_PROPOSED, SeatCommand(t_s=T_S, rate_m_s=0.01)),
     (on.SEAT_CMD, SeatCommand(t_s=T_S, rate_m_s=-0.01)),
     (on.FLIPPER_CMD, FlipperCommand(t_s=T_S, rate_rad_s=0.3)),
-    (on.GUARD, GuardState(t_s=T_S, holding=None)),
-    (on.GUARD, GuardState(t_s=T_S, holding="slip 0.40", sender="guard-1")),
-    (on.DIAGNOSTICS, Beat(t_s=T_S, node="camera")),
+    (on.GUARD, on.GuardState(t_s=T_S, holding=None)),
+    (on.GUARD, on.GuardState(t_s=T_S, holding="slip 0.40", sender="guard-1")),
+    (on.DIAGNOSTICS, on.Beat(t_s=T_S, node="camera")),
     (on.DIAGNOSTICS, Event(t_s=T_S, name="hold", cause="slip 0.40")),
 ]

@@ -25,7 +25,6 @@ from treadline.ros import node_process as process
 from treadline.ros import ros1
 from treadline.ros.assembly import node_of
 from treadline.ros.block_nodes import GuardNode, SeatNode
-from treadline.ros.channels import Clock, GuardState
 from treadline.ros.lockstep import InProcess
 from treadline.ros.node_process import NodeRunner, PlantRunner
 from treadline.ros.plant_node import PlantNode
@@ -105,7 +104,7 @@ def test_clocks_that_differ_at_the_start(capsys: Any, monkeypatch: pytest.Monkey
     monkeypatch.setattr(process, "time", SimpleNamespace(monotonic=lambda: next(wall), time=lambda: 1.0))
     air = Air({"/seat/state": SEAT_STATE})
     runner = NodeRunner(seat(), air, patience_s=0.1)
-    air.say(on.CLOCK, Clock(t_s=1.0))
+    air.say(on.CLOCK, on.Clock(t_s=1.0))
     for _ in range(200):
         air.say(on.SEAT, SeatReading(t_s=stamp_s, pitch_rad=0.0, stroke_m=0.2))
         air.deliver(0.0)
@@ -130,7 +129,7 @@ def test_two_guards_on_one_bus_hold_and_name_each_other() -> None:
     bus, plant = InProcess(), PlantNode(Bench(), limits())
     guards = [GuardNode(limits(needs_heading=False, watches_motion=False), sender=f"guard-{k}") for k in (1, 2)]
     states: list[PlantState] = []
-    held: list[GuardState] = []
+    held: list[on.GuardState] = []
     bus.subscribe(on.PLANT, states.append)
     bus.subscribe(on.GUARD, held.append)
     plant.listen(bus)
@@ -171,7 +170,7 @@ def test_a_first_tick_that_compiles_is_no_standstill(monkeypatch: pytest.MonkeyP
     air, wall = Air(), itertools.count(50.0, 0.005)
 
     plant = Bench()
-    plant.start = lambda: air.say(on.DIAGNOSTICS, process.Beat(t_s=0.0, node="guard"))  # type: ignore[method-assign]
+    plant.start = lambda: air.say(on.DIAGNOSTICS, on.Beat(t_s=0.0, node="guard"))  # type: ignore[method-assign]
     plant.advance = lambda _: next(itertools.islice(wall, 200, None))  # type: ignore[assignment, method-assign]
     for module in ("ros.node_process", "core.loop_watchdog"):
         monkeypatch.setattr(f"treadline.{module}.time", SimpleNamespace(monotonic=lambda: next(wall)))
@@ -184,10 +183,10 @@ def test_a_node_that_stays_behind_is_waited_for_and_then_given_up() -> None:
     node = PlantNode.__new__(PlantNode)
     node.commanded_s = 9.99
     peers = process._Peers(node)
-    peers.receive(process.Beat(t_s=9.5, node="camera"))
+    peers.receive(on.Beat(t_s=9.5, node="camera"))
     assert peers.keep_waiting(10.0, 0.1)
     assert not peers.keep_waiting(10.0, 0.6)
     assert not peers.keep_waiting(10.02, 0.0)
-    peers.receive(process.Beat(t_s=10.0, node="camera"))
+    peers.receive(on.Beat(t_s=10.0, node="camera"))
     assert not peers.keep_waiting(10.03, 0.0)
     assert peers.keep_waiting(10.5, 0.0)

@@ -9,7 +9,6 @@ from wires import Air
 
 from treadline.core.signals import SeatReading
 from treadline.ros import channels as on
-from treadline.ros.channels import Clock
 from treadline.ros.node_process import NodeRunner
 
 
@@ -59,11 +58,11 @@ def test_a_node_that_was_kept_from_running_compares_stamps_with_the_newest_clock
     than the last tick finds the node's clock at the newest time received, before that tick."""
     wire, node = Air(), Listening()
     NodeRunner(node, wire, clock="sim")
-    wire.say(on.CLOCK, Clock(t_s=5.0))
+    wire.say(on.CLOCK, on.Clock(t_s=5.0))
     wire.deliver(0.0)
     assert node.ticks == [5.0]
     wire.say(on.SEAT, SeatReading(t_s=6.0, pitch_rad=0.0, stroke_m=0.0))
-    wire.say(on.CLOCK, Clock(t_s=6.0))
+    wire.say(on.CLOCK, on.Clock(t_s=6.0))
     wire.deliver(0.0)
     assert node.taken_at == [(6.0, 6.0)]
     assert node.ticks == [5.0, 6.0]

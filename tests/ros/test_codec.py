@@ -15,7 +15,6 @@ from treadline.io.message_types import message_of, store
 from treadline.io.messages import joints
 from treadline.ros import channels as on
 from treadline.ros._codec import Decoder, encoded, messages_on
-from treadline.ros.channels import Mounts
 
 
 def test_a_handset_without_the_two_answers_is_still_heard() -> None:
@@ -33,7 +32,7 @@ def test_a_velocity_stamped_zero_has_no_stamp() -> None:
 
 
 @pytest.mark.parametrize("ros1", [True, False], ids=["ROS 1", "ROS 2"])
-@pytest.mark.parametrize(("channel", "signal"), [*SIGNALS, (on.MOUNTS, Mounts(t_s=T_S, camera=CAMERA))])
+@pytest.mark.parametrize(("channel", "signal"), [*SIGNALS, (on.MOUNTS, on.Mounts(t_s=T_S, camera=CAMERA))])
 def test_rosbags_writes_the_same_bytes(channel: str, signal: Any, *, ros1: bool) -> None:
     """An independent encoder of the same definitions gives each message to its last byte."""
     messages = messages_on(channel, signal, ros1=ros1)

@@ -12,7 +12,6 @@ from treadline.mission.mission_blocks import build_blocks, guard_config
 from treadline.plant.mujoco import open_plant
 from treadline.ros import channels as on
 from treadline.ros.block_nodes import GuardNode, HeadingNode
-from treadline.ros.channels import Beat, GuardState
 from treadline.ros.lockstep import InProcess, LockStep
 from treadline.run.resolve import mission_config
 from treadline.scenario.scenario import Scenario
@@ -47,7 +46,7 @@ def kill(graph: LockStep, name: str) -> None:
 @pytest.mark.parametrize("name", ["camera", "heading", "seat", "driver"])
 def test_the_guard_holds_for_a_node_that_is_gone(name: str) -> None:
     graph, _ = turning()
-    states: list[GuardState] = []
+    states: list[on.GuardState] = []
     graph.transport.subscribe(on.GUARD, states.append)
     run_until(graph, KILLED_S)
     assert all(state.holding is None for state in states)
@@ -65,7 +64,7 @@ def test_a_velocity_drives_through_the_guard_and_no_faster_than_it_allows() -> N
     guard.listen(transport)
     commands: list[TrackCommand] = []
     transport.subscribe(on.TRACKS_CMD, commands.append)
-    transport.publish(on.DIAGNOSTICS, Beat(t_s=0.0, node="recorder"))  # its end holds nothing
+    transport.publish(on.DIAGNOSTICS, on.Beat(t_s=0.0, node="recorder"))  # its end holds nothing
     for k in range(100):
         t_s = 0.01 * k if k % 2 else math.nan
         transport.publish(on.TWIST, VelocityCommand(t_s=t_s, speed_m_s=0.2, turn_rad_s=0.1))
@@ -112,7 +111,7 @@ def test_a_guard_that_is_started_anew_lets_nothing_go_that_a_person_has_stopped(
     graph.nodes.insert(place, anew)
     truths: list[Truth] = []
     graph.transport.subscribe(on.TRUTH, truths.append)
-    states: list[GuardState] = []
+    states: list[on.GuardState] = []
     graph.transport.subscribe(on.GUARD, states.append)
     began_s = graph.tick()
     run_until(graph, began_s + 2.0)

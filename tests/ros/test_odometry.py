@@ -14,7 +14,6 @@ from treadline.mission.odometry import DeadReckoning, Odometry
 from treadline.ros import channels as on
 from treadline.ros._codec import encoded
 from treadline.ros.assembly import mount_of, node_of
-from treadline.ros.channels import Mounts
 from treadline.ros.lockstep import InProcess
 from treadline.scenario.chair import read_chair
 from treadline.vehicle.linkage import SeatLinkage
@@ -77,7 +76,7 @@ def test_a_tree_of_frames_leads_from_odometry_to_the_camera() -> None:
     camera = mount_of(MissionConfig(chair=read_chair("wheelchair"), loop="open"))
     turned = imu(1.0, yaw_rad=0.3).orientation
     place = Odometry(t_s=1.0, p_OB=np.array([1.0, 2.0, 3.0]), orientation=turned, speed_m_s=0.2, angular_velocity_rad_s=np.zeros(3))
-    sent = [*encoded(on.ODOM, place, ros1=False), *encoded(on.MOUNTS, Mounts(t_s=1.0, camera=camera), ros1=False)]
+    sent = [*encoded(on.ODOM, place, ros1=False), *encoded(on.MOUNTS, on.Mounts(t_s=1.0, camera=camera), ros1=False)]
     frames: dict[str, Any] = {}
     for topic, kind, data in sent:
         message = store.deserialize_cdr(data, kind)

@@ -12,7 +12,6 @@ from treadline.core.signals import PlantState, TrackCommand, VelocityCommand
 from treadline.mission.replay_plant import ReplayPlant
 from treadline.ros import channels as on
 from treadline.ros.block_nodes import GuardNode
-from treadline.ros.channels import GuardState
 from treadline.ros.node_process import POLL_S, NodeRunner, PlantRunner
 from treadline.ros.plant_node import PlantNode
 
@@ -86,7 +85,7 @@ def test_a_guard_that_is_stopped_holds_when_it_returns_and_the_plant_brakes_mean
     later = graph.heard[on.TRACKS_CMD][sent:]
     assert later
     assert all(command.brake for command in later)
-    held: GuardState = graph.heard[on.GUARD][-1]
+    held: on.GuardState = graph.heard[on.GUARD][-1]
     assert re.fullmatch(r"the loop stood still for 2\.\d s in .*", str(held.holding))
 
 

@@ -19,7 +19,6 @@ from treadline.io.scene_messages import BASE, ODOMETRY, FramePose, camera_frames
 from treadline.io.standard_messages import signal_reader, standard_messages_of
 from treadline.mission.odometry import Odometry
 from treadline.ros import channels as on
-from treadline.ros.channels import Beat, Clock, GuardState, JointAngles, Mounts
 
 NODE = "node"
 """Hardware id of a heartbeat in a diagnostic message."""
@@ -41,25 +40,25 @@ def encoded(channel: str, signal: Any, *, ros1: bool) -> list[tuple[str, str, by
 def messages_on(channel: str, signal: Any, *, ros1: bool) -> list[RosMessage]:
     """Return the messages that hold a signal."""
     match signal:  # those that only nodes exchange
-        case Clock():
+        case on.Clock():
             return [RosMessage(channel, on.CLOCK_TYPE, stamp(signal.t_s))]
         case VelocityCommand():
             twist = (signal.speed_m_s, 0.0, 0.0, 0.0, 0.0, signal.turn_rad_s)
             stamped = RosMessage(channel, on.TWIST_STAMPED, (*stamp(signal.t_s), BASE, *twist))
             return [RosMessage(channel, on.TWIST_TYPE, twist) if ros1 else stamped]
-        case Beat():
+        case on.Beat():
             status_fields = (int(signal.state != "ready"), signal.node, signal.state, NODE)
             return [status(channel, signal.t_s, status_fields, {}, signal.node)]
         case Odometry():
             return _odometry_messages(channel, signal)
-        case JointAngles():
+        case on.JointAngles():
             return [joints(channel, signal.t_s, signal.names, signal.angles_rad, (), "chair")]
-        case Mounts():
+        case on.Mounts():
             return [frames_message(channel, signal.t_s, _sensors(signal.camera, ros1=ros1))]
-        case GuardState() if ros1:
+        case on.GuardState() if ros1:
             status_fields = (0 if signal.holding is None else 2, "guard", signal.holding or "", signal.sender)
             return [status(channel, signal.t_s, status_fields, {}, "guard")]
-        case GuardState():
+        case on.GuardState():
             source = next(number for number, word in SOURCES.items() if word == signal.source)
             return [RosMessage(channel, on.GUARD_TYPE, (*stamp(signal.t_s), BASE, signal.holding or "", source, signal.sender))]
     return standard_messages_of(signal, channel) if ros1 else messages_of(signal, channel)
@@ -140,20 +139,20 @@ def _odometry(message: Any, t_s: float) -> Odometry:
     )
 
 
-def _diagnosis(message: Any, t_s: float) -> Beat | Event:
+def _diagnosis(message: Any, t_s: float) -> on.Beat | Event:
     (found,) = message.status
     if found.hardware_id == NODE:
-        return Beat(t_s=t_s, node=found.name, state=found.message)
+        return on.Beat(t_s=t_s, node=found.name, state=found.message)
     return Event(t_s=t_s, name=found.name, cause=found.message)
 
 
-def _guard_status(message: Any, t_s: float) -> GuardState:
+def _guard_status(message: Any, t_s: float) -> on.GuardState:
     (found,) = message.status
-    return GuardState(t_s=t_s, holding=found.message if found.level else None, sender=found.hardware_id)
+    return on.GuardState(t_s=t_s, holding=found.message if found.level else None, sender=found.hardware_id)
 
 
-def _guard_state(message: Any, t_s: float) -> GuardState:
-    return GuardState(t_s=t_s, holding=message.holding or None, source=SOURCES[message.source], sender=message.sender)
+def _guard_state(message: Any, t_s: float) -> on.GuardState:
+    return on.GuardState(t_s=t_s, holding=message.holding or None, source=SOURCES[message.source], sender=message.sender)
 
 
 def velocity_of(twist: Any, t_s: float = 0.0) -> VelocityCommand:
@@ -162,7 +161,7 @@ def velocity_of(twist: Any, t_s: float = 0.0) -> VelocityCommand:
 
 
 _READERS: dict[tuple[str, str], Callable[[Any, float], Any]] = {
-    (on.CLOCK, on.CLOCK_TYPE): lambda message, _: Clock(t_s=stamped_s(message.clock)),
+    (on.CLOCK, on.CLOCK_TYPE): lambda message, _: on.Clock(t_s=stamped_s(message.clock)),
     (on.TWIST, on.TWIST_TYPE): lambda message, _: velocity_of(message),
     (on.TWIST, on.TWIST_STAMPED): lambda message, t_s: velocity_of(message.twist, t_s),
     (on.ODOM, ODOMETRY): _odometry,

@@ -34,7 +34,6 @@ from treadline.mission.loop import Estimator
 from treadline.mission.odometry import DeadReckoning
 from treadline.mission.planner import Planner, PlannerInput
 from treadline.ros import channels as on
-from treadline.ros.channels import Beat, GuardState, JointAngles, Mounts
 from treadline.vehicle.linkage import SeatLinkage
 
 ODOM_TICKS = 5
@@ -184,7 +183,7 @@ class HeadingNode(_AdmittingNode):
         self.advance(t_s)
         if self._mount is not None and t_s - self._mounts_s >= REPEAT_S:
             self._mounts_s = t_s
-            self._publish(on.MOUNTS, Mounts(t_s=t_s, camera=self._mount))
+            self._publish(on.MOUNTS, on.Mounts(t_s=t_s, camera=self._mount))
         health = self._estimator.health
         if health is None:
             return
@@ -199,7 +198,7 @@ class HeadingNode(_AdmittingNode):
             self._publish(on.ODOM, odometry)
             if self._joints:
                 names, angles = zip(*self._joints.items(), strict=True)
-                self._publish(on.JOINT_STATES, JointAngles(t_s=reading.t_s, names=names, angles_rad=angles))
+                self._publish(on.JOINT_STATES, on.JointAngles(t_s=reading.t_s, names=names, angles_rad=angles))
 
     def _step(self, signal: ImuSample | TrackReading | HeadingMeasurement) -> None:
         estimate = self._estimator.step(signal)
@@ -266,7 +265,7 @@ class DriverNode(_AdmittingNode):
     def _take_estimate(self, estimate: HeadingEstimate) -> None:
         self._estimate = estimate
 
-    def _take_guard(self, state: GuardState) -> None:
+    def _take_guard(self, state: on.GuardState) -> None:
         self._holding = state.holding
 
 
@@ -342,7 +341,7 @@ class GuardNode:
     def repeat_state(self) -> None:
         """Publish again whether the guard holds, and whose commands move the belts, for later subscribers."""
         guard = self._guard
-        self._publish(on.GUARD, GuardState(t_s=self._t_s, holding=guard.holding, source=guard.source, sender=self._sender))
+        self._publish(on.GUARD, on.GuardState(t_s=self._t_s, holding=guard.holding, source=guard.source, sender=self._sender))
 
     def hold(self, cause: str) -> None:
         """Hold for a fault of this process or of the plant's."""
@@ -352,7 +351,7 @@ class GuardNode:
     def _command(self, channel: str, command: TrackCommand | SeatCommand | FlipperCommand) -> None:
         self._publish(channel, replace(command, sender=self._sender))
 
-    def _check_other(self, state: GuardState) -> None:
+    def _check_other(self, state: on.GuardState) -> None:
         if state.sender != self._sender:
             self.hold(f"another guard, {state.sender}, is on the bus of {self._sender}; stop one of them")
 
@@ -377,7 +376,7 @@ class GuardNode:
             self._guard.propose(replace(command, t_s=self._t_s) if math.isnan(command.t_s) else command)
 
     def _receive(self, message: object) -> None:
-        if isinstance(message, Beat) and message.node not in (self.name, "recorder"):
+        if isinstance(message, on.Beat) and message.node not in (self.name, "recorder"):
             if message.state == "ready":
                 self._waits_for.pop(message.node, None)
             elif message.node in self._waits_for:

@@ -141,6 +141,10 @@ class Clock:
     t_s: float
 
 
+BEAT_S = 0.2
+"""Interval of the heartbeat [s]: about a quarter of the guard's timeout."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Beat:
     """Heartbeat of a node; after the first the guard awaits the next."""

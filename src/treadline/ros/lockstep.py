@@ -14,7 +14,6 @@ from treadline.guard import GuardConfig
 from treadline.mission.loop import Blocks
 from treadline.ros import channels as on
 from treadline.ros.block_nodes import CameraNode, DriverNode, GuardNode, HeadingNode, Node, SeatNode
-from treadline.ros.channels import Beat
 from treadline.ros.plant_node import PlantNode
 
 
@@ -44,10 +43,6 @@ class InProcess:
     def close(self) -> None:
         """Remove all subscriptions."""
         self._takers.clear()
-
-
-BEAT_TICKS = 25
-"""Ticks between two heartbeats: a third of the guard's timeout."""
 
 
 class LockStep:
@@ -87,7 +82,7 @@ class LockStep:
         self._plant.tick(t_s)
         for node in self.nodes:
             node.tick(t_s)
-            if self._tick % BEAT_TICKS == 0:
-                self.transport.publish(on.DIAGNOSTICS, Beat(t_s=t_s, node=node.name))
+            if self._tick % round(on.BEAT_S / TICK_S) == 0:
+                self.transport.publish(on.DIAGNOSTICS, on.Beat(t_s=t_s, node=node.name))
         self._tick += 1
         return t_s

@@ -17,14 +17,11 @@ from treadline.core.signals import TICK_S, Event
 from treadline.guard import SILENCE_S
 from treadline.ros import channels as on
 from treadline.ros.block_nodes import GuardNode, Node
-from treadline.ros.channels import Beat, Clock
 from treadline.ros.plant_node import PlantNode
 from treadline.ros.wire import WireTransport
 
 START_S = TICK_S
 """First stamp of a simulated clock [s]: ROS takes a stamp of zero for no stamp."""
-BEAT_S = 0.2
-"""Interval of the heartbeat [s]."""
 SILENT_S = 0.6
 """Silence of ``/clock`` after which the guard holds [s]: the plant waits ``STUCK_S`` for nodes that are behind."""
 LEAPT_S = 0.1
@@ -120,7 +117,7 @@ class NodeRunner:
 
     def beat(self, now: float) -> None:
         """Publish the heartbeat where it is due."""
-        if now - self._beat_at < BEAT_S:
+        if now - self._beat_at < on.BEAT_S:
             return
         self._beat_at = now
         state = next(iter(self._clock_faults.values()), "ready")
@@ -129,7 +126,7 @@ class NodeRunner:
             if self._node.waits_for:
                 self._node.tick(self._t_s)
             self._node.repeat_state()
-        self._transport.publish(on.DIAGNOSTICS, Beat(t_s=self._t_s, node=self._node.name, state=state))
+        self._transport.publish(on.DIAGNOSTICS, on.Beat(t_s=self._t_s, node=self._node.name, state=state))
 
     def _hold(self, cause: str) -> None:
         if isinstance(self._node, GuardNode):
@@ -138,7 +135,7 @@ class NodeRunner:
     def _report(self, name: str, cause: str) -> None:
         self._transport.publish(on.DIAGNOSTICS, Event(t_s=self._t_s, name=name, cause=f"{self._node.name}: {cause}"))
 
-    def _take_clock(self, clock: Clock) -> None:
+    def _take_clock(self, clock: on.Clock) -> None:
         if self._clock_at is None:
             self._watchdog.__enter__()
         self._clock_at = time.monotonic()
@@ -177,7 +174,7 @@ class NodeRunner:
 
     def _catch_up(self) -> float:
         """Set the node's clock to now: messages that came while the process did not run are newer than its last tick."""
-        newest = self._transport.newest(on.CLOCK) if self._sim else Clock(t_s=time.time())
+        newest = self._transport.newest(on.CLOCK) if self._sim else on.Clock(t_s=time.time())
         if newest is None:
             return self._t_s
         self._node.advance(newest.t_s)
@@ -273,7 +270,7 @@ class PlantRunner:
             self._armed.enter_context(self._watchdog)
             self._is_armed = True
         self._ticks += 1
-        self._transport.publish(on.CLOCK, Clock(t_s=self.t_s))
+        self._transport.publish(on.CLOCK, on.Clock(t_s=self.t_s))
         self._ticked_at = time.monotonic()
         self._due_at = max(self._due_at + self._period_s, self._ticked_at - TICK_S)
 
@@ -290,7 +287,7 @@ class _Peers:
 
     def receive(self, message: object) -> None:
         """Take a heartbeat."""
-        if not isinstance(message, Beat) or message.node in ("plant", "recorder"):
+        if not isinstance(message, on.Beat) or message.node in ("plant", "recorder"):
             return
         self._t_s[message.node] = message.t_s
         self._given_up.discard(message.node)

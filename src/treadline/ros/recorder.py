@@ -22,7 +22,6 @@ from treadline.io.runs import LOG, RECORD, clear_run
 from treadline.mission.odometry import Odometry
 from treadline.ros import channels as on
 from treadline.ros._codec import messages_on
-from treadline.ros.channels import Beat, Mounts
 
 
 def open_bag(path: Path) -> "RunLog | _RosBag":
@@ -84,7 +83,7 @@ class _RosBag:
 
 def _messages(signal: Any, *, ros1: bool = False) -> list[RosMessage]:
     """Return the messages of a signal: those of a run's log, and those that only nodes publish."""
-    channel = {Odometry: on.ODOM, Mounts: on.MOUNTS}.get(type(signal))
+    channel = {Odometry: on.ODOM, on.Mounts: on.MOUNTS}.get(type(signal))
     return messages_on(topic_of(signal) if channel is None else channel, signal, ros1=ros1)
 
 
@@ -178,7 +177,7 @@ class RecorderNode:
         self._rows = []
 
     def _keep(self, signal: Any) -> None:
-        if isinstance(signal, Beat):
+        if isinstance(signal, on.Beat):
             return
         if isinstance(signal, TrackCommand):
             self._command = signal
