@@ -10,7 +10,7 @@ from lidars import LIDARS, draw_lidar
 from surfaces import on_a_flight
 
 from treadline.core.angles import DEG
-from treadline.core.camera_images import CAMERA_AXES_IN_CHAIR, NamedFrame, PinholeCamera, RgbdFrame
+from treadline.core.camera_images import CAMERA_AXES_IN_CHAIR, RgbdFrame
 from treadline.core.errors import ImageError
 from treadline.core.rotations import rotation_x, rotation_z
 from treadline.io.frames import frame_of_points
@@ -39,11 +39,8 @@ def seen_points(frame: RgbdFrame) -> np.ndarray:
     return points[np.isfinite(points).all(axis=1)]
 
 
-def cloud_of(points: np.ndarray, **fields: Any) -> PointCloud:
-    return PointCloud(points=points.astype(np.float32), **fields)
-
-
-def image_of(cloud: PointCloud, camera: PinholeCamera | None = None, **options: Any) -> tuple[NamedFrame, str | None]:
+def image_of(points: np.ndarray, camera: Any = None, size_px: Any = None, rgb: Any = None, **options: Any) -> Any:
+    cloud = PointCloud(points=points.astype(np.float32), size_px=size_px, rgb=rgb)
     given = None if camera is None else CameraFile.of(camera, "camera")
     return cloud_image("cloud", cloud, FrameOptions(camera=given, **options))
 
@@ -52,11 +49,11 @@ def image_of(cloud: PointCloud, camera: PinholeCamera | None = None, **options: 
 def test_the_heading_of_a_cloud_is_that_of_its_depth_image(rendered, seed: int, heading: float, kind: str) -> None:
     frame = rendered(seed, heading, kind=kind)
     camera, expected = frame.camera, heading_deg(bare(frame))
-    organised, _ = flat = image_of(cloud_of(points_of_frame(frame), size_px=(camera.width_px, camera.height_px)))
+    organised, _ = flat = image_of(points_of_frame(frame), size_px=(camera.width_px, camera.height_px))
     assert organised.frame.camera.fx_px == pytest.approx(camera.fx_px, rel=1e-5)
     assert organised.frame.camera.cy_px == pytest.approx(camera.cy_px, abs=1e-2)
     shuffled = np.random.default_rng(seed).permutation(seen_points(frame))
-    for image, warning in (flat, image_of(cloud_of(shuffled))):
+    for image, warning in (flat, image_of(shuffled)):
         assert warning is None
         assert heading_deg(image.frame) == pytest.approx(expected, abs=SAME_DEG)
 
@@ -64,7 +61,7 @@ def test_the_heading_of_a_cloud_is_that_of_its_depth_image(rendered, seed: int, 
 @pytest.mark.parametrize("heading", [-20.0, 12.0])
 def test_points_off_the_pixel_grid_are_seen_through_a_virtual_camera(rendered, heading: float) -> None:
     frame = rendered(1, heading)
-    image, warning = image_of(cloud_of(np.round(seen_points(frame), 3)))
+    image, warning = image_of(np.round(seen_points(frame), 3))
     assert "unorganised cloud" in str(warning)
     # A third of the resolution, and coordinates rounded to a millimetre: 0.09° at most on 36 frames.
     assert heading_deg(image.frame) == pytest.approx(heading_deg(bare(frame)), abs=0.2)
@@ -74,7 +71,7 @@ def test_half_of_the_points_of_a_turned_sensor_give_the_edge_direction(rendered)
     frame = rendered(2, -20.0)
     R, known = rotation_x(0.1) @ rotation_z(0.15), seen_points(frame)
     half = known[np.random.default_rng(2).random(len(known)) < 0.5]
-    image, _ = image_of(cloud_of(half @ R.T))
+    image, _ = image_of(half @ R.T)
     expected = R @ StairDetector().look(frame).edge_direction_C
     cosine = float(expected @ StairDetector().look(image.frame).edge_direction_C)
     # 0.012° at most on 24 frames of 640×480; here the virtual camera has about 80×90 pixels.
@@ -83,14 +80,14 @@ def test_half_of_the_points_of_a_turned_sensor_give_the_edge_direction(rendered)
 
 def test_with_a_calibration_each_point_finds_its_pixel_and_the_nearest_counts(rendered) -> None:
     frame = rendered()
-    image, warning = image_of(cloud_of(np.round(seen_points(frame), 3)), frame.camera)
+    image, warning = image_of(np.round(seen_points(frame), 3), frame.camera)
     assert warning is None
     # Coordinates rounded to a millimetre stay within half a pixel.
     np.testing.assert_allclose(image.frame.depth_m, frame.depth_m, atol=6e-4)
     both = np.concatenate([points_of_frame(frame), 1.5 * points_of_frame(frame)])
     order = np.random.default_rng(1).permutation(len(both))
     rgb = np.concatenate([frame.rgb.reshape(-1, 3), 0 * frame.rgb.reshape(-1, 3)])
-    image, warning = image_of(cloud_of(both[order], rgb=rgb[order]), frame.camera)
+    image, warning = image_of(both[order], frame.camera, rgb=rgb[order])
     np.testing.assert_allclose(image.frame.depth_m, frame.depth_m, rtol=1e-6)
     known = np.isfinite(frame.depth_m)
     np.testing.assert_array_equal(image.frame.rgb[known], frame.rgb[known])
@@ -106,24 +103,24 @@ def test_with_a_calibration_each_point_finds_its_pixel_and_the_nearest_counts(re
 )
 def test_another_unit_and_other_axes_are_named_with_their_remedy(rendered, option: str, given: str, turn: np.ndarray) -> None:
     frame = rendered()
-    cloud = cloud_of(points_of_frame(frame) @ turn, size_px=(320, 240))
+    cloud, size_px = points_of_frame(frame) @ turn, (320, 240)
     with pytest.raises(ImageError, match=f"--{option} {given}"):
-        image_of(cloud)
-    np.testing.assert_allclose(image_of(cloud, **{option: given})[0].frame.depth_m, frame.depth_m, rtol=1e-5)
+        image_of(cloud, size_px=size_px)
+    np.testing.assert_allclose(image_of(cloud, size_px=size_px, **{option: given})[0].frame.depth_m, frame.depth_m, rtol=1e-5)
     with pytest.raises(ImageError, match="--unit m"):
-        image_of(cloud_of(points_of_frame(frame)), unit="mm")
+        image_of(points_of_frame(frame), unit="mm")
 
 
 def test_clouds_that_are_no_pinhole_image_or_none_at_all_are_named(rendered) -> None:
     frame = rendered()
     points = points_of_frame(frame)
-    _, warning = image_of(cloud_of(points @ rotation_x(10.0 * DEG).T, size_px=(320, 240)))
+    _, warning = image_of(points @ rotation_x(10.0 * DEG).T, size_px=(320, 240))
     assert "not a pinhole image" in str(warning)
     with pytest.raises(ImageError, match="320×240 points, the calibration is for 640×240"):
-        image_of(cloud_of(points, size_px=(320, 240)), replace(frame.camera, width_px=640))
+        image_of(points, replace(frame.camera, width_px=640), size_px=(320, 240))
     for few in (points[:0], points[:100], np.full_like(points, np.nan), np.zeros_like(points)):
         with pytest.raises(ImageError, match="points with a return; at least 1000"):
-            image_of(cloud_of(few))
+            image_of(few)
 
 
 @pytest.mark.parametrize("heading", [-20.0, 12.0])
@@ -152,9 +149,9 @@ def test_a_level_cloud_gives_the_heading_of_its_depth_image_also_in_map_coordina
 def test_points_all_around_are_cropped_to_the_sector_ahead(rendered) -> None:
     ahead = seen_points(rendered(1, 12.0)) @ AXES["ros"][1]
     around = np.concatenate([ahead @ rotation_z(angle).T for angle in (0.0, 2.0, -2.0, np.pi)])
-    image, warning = image_of(cloud_of(around))
+    image, warning = image_of(around)
     assert "of the points lie in its sector (x forward, y left, z up)" in str(warning)
-    only, _ = image_of(cloud_of(ahead), axes="ros")
+    only, _ = image_of(ahead, axes="ros")
     assert heading_deg(image.frame) == pytest.approx(heading_deg(only.frame), abs=0.3)
 
 
