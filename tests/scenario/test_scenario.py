@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from treadline.core.errors import SettingsError
-from treadline.scenario.scenario import Scenario, Stair, read_scenario, shipped_scenarios
+from treadline.scenario.chair import read_chair
+from treadline.scenario.scenario import Scenario, Stair, chair_of_run, read_scenario, shipped_scenarios
 
 
 def read(text: str, tmp_path: Path) -> Scenario:
@@ -86,3 +87,16 @@ def test_a_shipped_scenario_is_found_next_to_a_folder_of_its_name(tmp_path: Path
     monkeypatch.chdir(tmp_path)
     (tmp_path / "paper-28").mkdir()
     assert read_scenario("paper-28").start.heading_deg == 30.0
+
+
+@pytest.mark.parametrize(
+    ("settings", "name"),
+    [
+        ({"robot": {"mission": {"chair": "wheelchair"}}}, "wheelchair"),
+        ({"chair": {"model": "rescue"}}, "rescue"),
+        ({"replay": {}, "scenario": {"chair": {"model": "rescue"}}}, "rescue"),
+        ({"replay": {}, "scenario": None}, "wheelchair"),
+    ],
+)
+def test_the_chair_of_a_run_is_that_of_its_robot_file_its_scenario_or_its_log(settings: dict[str, object], name: str) -> None:
+    assert chair_of_run(settings, "settings") == read_chair(name)

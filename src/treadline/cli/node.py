@@ -90,7 +90,7 @@ def node(
         if isinstance(made, PlantNode | RecorderNode):
             opened.callback(made.close)
         if isinstance(made, PlantNode):
-            t_s = PlantRunner(made, wire, pace=pace).run(stop, duration or setup.scenario.drive.duration_s)
+            t_s = PlantRunner(made, wire, pace=pace, patience_s=patience).run(stop, duration or setup.scenario.drive.duration_s)
             return Answer(values={"node": name, "t_s": t_s}, summary=[f"plant: {t_s:.1f} s simulated"])
         NodeRunner(made, wire, clock=clock, patience_s=patience).run(stop)
     lost, broken = dict(wire.inbox.lost), dict(wire.broken)

@@ -20,7 +20,7 @@ from treadline.io.topics import kind_of, packets, received
 from treadline.playback._builder import COLUMNS, RecordingBuilder, Signals
 from treadline.playback._recording import Limits, Recording
 from treadline.scenario.chair import read_chair
-from treadline.scenario.scenario import Scenario, scenario_of
+from treadline.scenario.scenario import Scenario, chair_of_run, scenario_of
 
 MAPS, COLOUR, TRUTH, IMU = "/stair/map/detail", "/camera/color/image_raw", "/truth", "/imu"
 NUMERIC: dict[str, type] = {
@@ -109,7 +109,7 @@ def _begun(manifest: dict[str, Any], path: Path, source: Path) -> RecordingBuild
     if not isinstance(settings, dict):
         raise SettingsError(f"{path}: no settings; make the run again")
     scenario = _scenario(path, settings)
-    chair = read_chair(_named_chair(path, settings)) if scenario is None else scenario.read_chair()
+    chair = chair_of_run(settings, f"{path}: settings") if scenario is None else scenario.read_chair()
     guard, seed = manifest.get("guard"), manifest.get("seed", 0)
     return RecordingBuilder(
         chair,
@@ -118,16 +118,6 @@ def _begun(manifest: dict[str, Any], path: Path, source: Path) -> RecordingBuild
         source=str(source),
         limits=Limits.of_guard(guard if isinstance(guard, dict) else {}),
     )
-
-
-def _named_chair(path: Path, settings: dict[str, Any]) -> str:
-    """Return the chair of a manifest without a scenario: that of the robot file of a real chair, or the default."""
-    match settings:
-        case {"robot": {"mission": {"chair": str(name)}}}:
-            return name
-        case {"robot": _}:
-            raise SettingsError(f"{path}: settings.robot names no chair; make the run again")
-    return DEFAULT_CHAIR
 
 
 def _scenario(path: Path, settings: dict[str, Any]) -> Scenario | None:

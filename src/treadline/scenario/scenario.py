@@ -376,3 +376,22 @@ def shipped_scenarios() -> dict[str, Path]:
 def is_sweep(path: Path) -> bool:
     """Return whether a shipped file is a sweep (with ``[[draw]]`` tables) instead of a scenario."""
     return "\n[[draw]]" in path.read_text(encoding="utf-8")
+
+
+def chair_of_run(settings: Mapping[str, object], where: str) -> ChairDescription:
+    """Return the chair of a run's manifest: of its scenario, of the log that was replayed, or of a real chair's robot file.
+
+    Raises:
+        SettingsError: If the settings name no chair.
+    """
+    scenario = settings
+    match settings:
+        case {"robot": {"mission": {"chair": str(name)}}}:
+            return read_chair(name)
+        case {"robot": _}:
+            raise SettingsError(f"{where}.robot names no chair; make the run again")
+        case {"replay": _, "scenario": dict(of_log)}:
+            scenario = of_log
+        case {"replay": _}:  # of a log without a manifest, the chair is the default
+            scenario = {}
+    return settings_of(scenario, Scenario, where=where).read_chair()

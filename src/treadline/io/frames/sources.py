@@ -115,19 +115,14 @@ def _opened(path: Path, depth: Path | None, options: FrameOptions) -> FrameSourc
 def _mount_of_run(source: Path) -> PinholeCamera | None:
     """Return the camera of the chair that made a run folder; None for other inputs."""
     from treadline.core.files import read_json
-    from treadline.core.settings import settings_of
     from treadline.io.runs import LOG, MANIFEST
-    from treadline.scenario.scenario import Scenario
+    from treadline.scenario.scenario import chair_of_run
 
     where = (source.parent if source.name == LOG else source) / MANIFEST
     if not where.is_file():
         return None
     settings = read_json(where).get("settings")
-    if not isinstance(settings, dict):
-        return None
-    if "replay" in settings:  # of a log without a manifest, the chair is the default
-        settings = settings.get("scenario") or {}
-    return settings_of(settings, Scenario, where=f"{where}: settings").read_chair().camera_at()
+    return chair_of_run(settings, f"{where}: settings").camera_at() if isinstance(settings, dict) else None
 
 
 def _folder(path: Path, options: FrameOptions) -> FrameSource:
