@@ -64,6 +64,7 @@ HOLD_S = {
     FreeGround: 6.8,
     HeadingMeasurement: 3.5,
     HeadingEstimate: 0.3,
+    HeadingHealth: 0.3,
     MotionPlan: 0.3,
     TrackCommand: 0.75,
 }
@@ -77,7 +78,7 @@ class Traffic:
     """All messages to a guard, tick by tick; those of one type are spoilt from ``began_s`` on."""
 
     def __init__(self, kind: type, spoil: Spoil, *, has_images: bool = True) -> None:
-        self.guard = Guard(limits(has_planner=True, lost_timeout_s=3.5, awaits_ground=True))
+        self.guard = Guard(limits(has_planner=True, lost_timeout_s=3.5, awaits_ground=True, awaits_health=True))
         self.kind, self.spoil, self.has_images = kind, spoil, has_images
         self.tick, self.began_s = 0, BEGAN_S
         self.estimate: HeadingEstimate | None = None

@@ -73,18 +73,6 @@ def test_without_a_frame_the_chair_may_not_move_in_either_direction() -> None:
     assert chair.cause(-0.1) == "the ground 0.00 m behind the belts was neither seen nor driven over"
 
 
-@pytest.mark.parametrize(("ground", "way"), [(FRONT, 1.0), (REAR, -1.0)])
-def test_the_chair_stops_with_the_distance_of_an_obstacle_before_the_end(ground: dict[str, Any], way: float) -> None:
-    """Test: an end 1.5 m from mid-track, ±10 mm. Expected result: 0.34 m, 0.4 s of driving and the deviation are left."""
-    chair, other = Chair(), REAR if way > 0.0 else FRONT
-    for _ in range(2):  # frames of both cameras in turn
-        chair.look(frames=1, **ground | {"seen_m": 1.5, "end_m": 1.5, "end_sigma_m": 0.01}).look(frames=1, **other)
-    left_m = 1.5 - PULLEY_M - chair.goes(0.1 * way)
-    assert left_m == pytest.approx(0.34 + 0.04 + 0.01, abs=0.002)
-    assert "the ground ends" in str(chair.cause(0.1 * way))
-    assert chair.cause(-0.1 * way) is None  # back over what was driven
-
-
 def test_one_frame_alone_shows_no_end_and_frames_of_ground_beyond_it_take_it_back() -> None:
     near = FRONT | {"seen_m": 0.88, "end_m": 0.88, "end_sigma_m": 0.0}
     assert Chair().look(frames=1, **FRONT).look(frames=1, **near).cause(0.2) is None

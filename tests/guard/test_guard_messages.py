@@ -16,10 +16,15 @@ from world import TICK_S, limits
 from treadline.core import signals
 from treadline.core.signals import (
     Event,
+    FlipperReading,
     HeadingEstimate,
+    HeadingHealth,
     HeadingMeasurement,
+    MotionPlan,
     OperatorInput,
+    SeatReading,
     StairMap,
+    TrackReading,
 )
 from treadline.guard import ReadingAdmission
 
@@ -113,21 +118,28 @@ def test_a_spoilt_message_is_held_for_in_time_or_has_no_effect(
         assert traffic.guard.holding is not None
 
 
+REFUSES = (TrackReading, SeatReading, FlipperReading, HeadingEstimate, HeadingHealth, MotionPlan)
+"""Types whose silence refuses a re-arm."""
+
+
 @pytest.mark.parametrize("kind", HOLD_S, ids=lambda kind: kind.__name__)
 @pytest.mark.parametrize("from_the_start", [False, True])
 def test_what_must_speak_is_awaited_from_the_start_and_after_a_re_arm(kind: type, from_the_start: bool) -> None:
-    """Test: a source that never speaks, or dies; a person re-arms, and it stays silent. Expected result: HOLD within its time, and
-    again within its time after the re-arm. An operator's handset is awaited once it has spoken; the estimate may be missing."""
+    """Test: a source that never speaks, or dies; a person re-arms, and it stays silent. Expected result: HOLD within its time;
+    while a source is silent the re-arm is refused with its cause, and what only times out is held for again. A handset is
+    awaited once it has spoken; estimate and health once a heading was measured."""
     traffic = Traffic(kind, dropped)
-    if from_the_start and kind not in (OperatorInput, HeadingEstimate):
+    if from_the_start and kind not in (OperatorInput, HeadingEstimate, HeadingHealth):
         traffic.began_s = -1.0
     for _ in range(1 if kind is OperatorInput else 2):
-        traffic.run(BEGAN_S + HOLD_S[kind] + 0.2)
+        traffic.run(BEGAN_S + HOLD_S[kind] + 0.8)
         assert traffic.guard.holding is not None
         t_s = traffic.tick * TICK_S
+        traffic.guard.take_events()
         traffic.guard.advance(t_s)
         traffic.guard.admit(OperatorInput(t_s=t_s - 0.004, rearm=True))
-        assert traffic.guard.holding is None
+        (event,) = traffic.guard.take_events()
+        assert (event.name == "rearm_refused", traffic.guard.holding is not None) == (kind in REFUSES, kind in REFUSES), event
 
 
 @pytest.mark.parametrize("kind", MADE, ids=lambda kind: kind.__name__)

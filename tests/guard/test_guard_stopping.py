@@ -1,14 +1,16 @@
 """How a held chair stops: at once for urgent causes, along a half-cosine for all others."""
 
 import math
+from bisect import bisect
 
+import numpy as np
 import pytest
 from world import TICK_S, belts, limits
 
 from treadline.core.signals import MotionPlan, OperatorInput, TrackCommand
 from treadline.guard import Guard
 from treadline.guard._half_cosine_stop import RampedStop, Stop
-from treadline.guard.stop_latch import Latch
+from treadline.guard.stop_latch import Latch, Rearm
 
 # Literals, so that a changed value in the code is detected here.
 RAMP_S = 0.3
@@ -80,7 +82,7 @@ def test_a_clock_that_stands_turns_back_or_leaps_ends_the_ramp_for_good(next_s: 
 
 def test_each_hold_has_a_ramp_of_its_own() -> None:
     latch, _ = held(Stop.BRAKE)
-    assert latch.release(2.0, 2.0)
+    latch.release(2.0)
     latch.hold(3.0, Stop.RAMP, "seat")
     assert latch.stop(3.0, (0.2, 0.1)).left_m_s == pytest.approx(0.2)
 
@@ -112,3 +114,39 @@ def test_the_operator_stops_the_belts_within_a_tick_also_while_they_ramp_down() 
         assert not guard.step(1.29, None).tracks.brake
         assert guard.step(1.37, None).tracks == TrackCommand.stop(1.37)
         assert guard.holding == "nothing to see"
+
+
+def keyed(pauses_s: list[float], fault_s: float) -> bool:
+    """Return whether a key re-arms a chair that a fault holds: held down for 0.7 s after each pause of its repeats, at 20 Hz."""
+    repeats_s: list[float] = []
+    for pause_s in pauses_s:
+        began_s = pause_s + (repeats_s[-1] if repeats_s else 0.0)
+        repeats_s += [began_s + 0.05 * k for k in range(15)]
+    rearm = Rearm()
+    for tick in range(round(20.0 * repeats_s[-1])):
+        t_s = 0.05 * tick
+        typed = repeats_s[: bisect(repeats_s, t_s)][-2:]
+        # A terminal's key counts as held while its last repeat is 0.15 s old at most, and the one before 0.15 s older.
+        held = len(typed) == 2 and t_s - typed[1] <= 0.15 and typed[1] - typed[0] <= 0.15
+        if rearm.press(OperatorInput(t_s=t_s, dead_man=held, rearm=held), fault_s if t_s >= fault_s else math.inf):
+            return True
+    return False
+
+
+def test_a_held_key_whose_repeats_pause_re_arms_nobody_and_an_act_does() -> None:
+    """Test: 20,000 keys that are held on over a fault, with pauses of 0.05 to 0.6 s; a key released for a second and pressed; another
+    key; buttons that are stuck, pressed with a stop, at once, or before the hold. Expected: the acts alone re-arm."""
+    rng = np.random.default_rng(0)
+    for _ in range(20_000):
+        assert not keyed([0.0, *rng.uniform(0.05, 0.6, 3)], float(rng.uniform(0.3, 1.5)))
+    assert keyed([0.0, 1.2], 0.3)
+
+    def reported(*reports: tuple[float, bool, bool, bool]) -> list[bool]:
+        button = Rearm()
+        return [button.press(OperatorInput(t_s=t, dead_man=d, rearm=r, stop=s), 1.0) for t, d, r, s in reports]
+
+    on, off = True, False
+    assert reported((1.2, on, off, off), (1.6, on, on, off), (1.7, on, on, off)) == [off, on, off]
+    assert reported((1.2, on, off, off), (1.4, on, on, off), (1.8, on, on, off)) == [off, off, off]
+    assert reported((1.2, on, off, off), (1.6, on, on, on), (1.7, on, on, off)) == [off, off, off]
+    assert reported((1.1, off, off, off), (1.8, on, on, off), (1.9, on, off, off), (2.0, on, on, off)) == [off, off, off, on]

@@ -109,7 +109,7 @@ def test_a_loop_that_is_killed_stops_the_chair(bench: Bench) -> None:
         ("error", "the plant braked by itself: overcurrent of the left motor"),
         ("restart", "the plant braked by itself: the box latched a stop"),
         ("right_report_reversed", "right track runs backwards: -0.10 m/s where 0.10 is expected"),
-        ({"dead_man": False, "speed": 1.0}, "operator stop"),
+        ({"dead_man": False, "speed": 1.0}, "the dead-man switch is released"),
         ({"dead_man": True, "stop": True, "speed": 1.0}, "operator stop"),
     ],
 )
@@ -120,7 +120,7 @@ def test_a_fault_of_the_box_and_the_persons_hand_hold_and_are_named(driven: Benc
     else:
         driven.robot.hold(**fault)
     # A person's stop asks for zero speed at once, and the brake, which the box latches, falls in 0.3 s later: 0.5 s by row 21.
-    assert driven.stopped(fault_s) <= (0.5 if said == "operator stop" else 0.3)
+    assert driven.stopped(fault_s) <= (0.5 if said in ("operator stop", "the dead-man switch is released") else 0.3)
     assert said in driven.cause()
 
 

@@ -22,10 +22,10 @@ def run(*acts: dict[str, Any], duration_s: float = 30.0) -> Traverse:
     return traverse(scenario, controller=shipped_controller("wheelchair"), seed=1)
 
 
-@pytest.mark.parametrize("kind", ["stop", "release"])
-def test_a_stop_without_a_rearm_ends_the_run_held(kind: str) -> None:
+@pytest.mark.parametrize(("kind", "cause"), [("stop", "operator stop"), ("release", "the dead-man switch is released")])
+def test_a_stop_without_a_rearm_ends_the_run_held(kind: str, cause: str) -> None:
     result = run({"kind": kind, "at_s": 2.0})
-    assert (result.verdict, result.cause) == ("held", "operator stop")
+    assert (result.verdict, result.cause) == ("held", cause)
     assert result.scores.duration_s == pytest.approx(2.0, abs=0.1)
 
 

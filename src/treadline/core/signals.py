@@ -398,7 +398,8 @@ class Event:
     t_s: float
     name: str
     """Name: ``hold``, ``rearmed``, ``slow``, ``resumed``, ``re-referenced``, ``vision_dim``, ``vision_clear``, ``seat_shifted``,
-    ``refused``, ``camera_mount``, ``imu_axes``, ``imu_tilt``, ``drop_unwatched``, ``source``, ``dropped``, ``clock``,
+    ``refused``, ``camera_mount``, ``imu_axes``, ``imu_tilt``, ``drop_unwatched``, ``map_unwatched``,
+    ``health_unwatched``, ``rearm_refused``, ``source``, ``dropped``, ``clock``,
     ``guard_process``, or the phase entered; ``ended`` in a recording. Other publishers on the topic use other names."""
     cause: str
     """Observation behind the event, with its value."""

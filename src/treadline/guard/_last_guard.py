@@ -5,13 +5,14 @@ file's limits, from one guard. Silence of the guard, and a second guard, brake t
 why, and reaches the guard as a reading.
 """
 
+import math
 from typing import Any
 
 from treadline.core.signals import ROUNDING_S, FlipperCommand, OperatorInput, SeatCommand, TrackCommand
 from treadline.guard._bounds import fault_of
 from treadline.guard._guard_config import GuardConfig
 from treadline.guard._stamps import Stamps
-from treadline.guard.stop_latch import Button
+from treadline.guard.stop_latch import Rearm
 
 
 class LastGuard:
@@ -23,7 +24,7 @@ class LastGuard:
 
     def __init__(self, config: GuardConfig) -> None:
         self._config = config
-        self._button = Button()
+        self._button = Rearm()
         self._t_s = 0.0
         self._stamps = Stamps(config)
         self.rejected = self._stamps.rejected
@@ -39,14 +40,14 @@ class LastGuard:
         self._rejection = ""
         self.fault: str | None = None
         """Reason for which the plant braked by itself; None without one."""
+        self._tripped_s = math.inf
 
     def operate(self, operator: OperatorInput) -> None:
         """Re-arm where a person presses the button; a button that is stuck, or pressed with a stop, does not count.
 
         A message that arrives twice, from the plant and over a transport, counts once.
         """
-        pressed = self._stamps.accept(operator) and self._button.press(down=operator.rearm)
-        if pressed and not operator.stop and operator.dead_man and self.fault is not None:
+        if self._stamps.accept(operator) and self._button.press(operator, self._tripped_s):
             self.rearm()
 
     def advance(self, t_s: float) -> None:
@@ -54,6 +55,7 @@ class LastGuard:
         self._t_s = t_s
         self._stamps.advance(t_s)
         self._heard_s, self._rearmed_s = min(self._heard_s, t_s), min(self._rearmed_s, t_s)  # a clock may be set back
+        self._tripped_s = min(self._tripped_s, t_s) if self.fault is not None else math.inf
         self.check_silence(t_s - self._heard_s)
 
     def check_silence(self, silent_s: float) -> None:
@@ -69,7 +71,8 @@ class LastGuard:
 
     def trip(self, cause: str) -> None:
         """Brake until a person re-arms; the first cause stays."""
-        self.fault = self.fault or cause
+        if self.fault is None:
+            self.fault, self._tripped_s = cause, self._t_s
 
     def accept(self, command: TrackCommand | SeatCommand | FlipperCommand) -> bool:
         """Return whether a command is accepted."""

@@ -47,7 +47,7 @@ from treadline.guard._sensor_timeouts import MapMonitor, SensorTimeouts, Silence
 from treadline.guard._slip_monitor import SlipMonitor
 from treadline.guard._speed_limits import limited, mean_limit, stands
 from treadline.guard._stamps import Stamped
-from treadline.guard.stop_latch import Button, Latch
+from treadline.guard.stop_latch import AGAIN_S, Latch, Rearm
 
 SOURCES: dict[type, str] = {TrackReading: "belts", SeatReading: "seat", FlipperReading: "flipper"}
 """Name of the drive of each reading."""
@@ -67,7 +67,7 @@ class Guard:
 
     def __init__(self, config: GuardConfig) -> None:
         self._config = config
-        self._latch, self._button = Latch(config), Button()
+        self._latch, self._button = Latch(config), Rearm()
         self._admission = ReadingAdmission(config)
         self._senses = SensorTimeouts(config)
         self._belts = BeltMonitor(config)
@@ -334,12 +334,26 @@ class Guard:
         new = self._accepts(operator)
         self._link.expect("operator link")
         self._latch.hold(self._now_s, Stop.BRAKE, self._admission.stamps.leap)
-        pressed = new and self._button.press(down=operator.rearm)
-        if operator.stop or not operator.dead_man:
+        pressed = new and self._button.press(operator, self._latch.held_s)
+        if operator.stop:
             self._latch.hold(self._now_s, Stop.ZERO, "operator stop")
-        elif pressed and self._latch.release(self._now_s, operator.t_s):
-            self._restart(self._now_s)
+        elif not operator.dead_man:
+            self._latch.hold(self._now_s, Stop.ZERO, "the dead-man switch is released")
+        elif pressed:
+            self._rearm(self._now_s)
         return new
+
+    def _rearm(self, t_s: float) -> None:
+        """End the hold, unless the last re-arm was just now, or what must speak is silent: the chair would be held again."""
+        silent = (silence.cause(t_s) for silence in (self._plans, self._processes, self._drives, self._estimates, self._healths))
+        against = next((cause for cause in silent if cause is not None), None)
+        if t_s - self._rearmed_s < AGAIN_S:
+            against = f"the last re-arm was {t_s - self._rearmed_s:.1f} s ago"
+        if against is not None:
+            self._latch.report(t_s, "rearm_refused", against)
+            return
+        self._latch.release(t_s)
+        self._restart(t_s)
 
     def _restart(self, t_s: float) -> None:
         """Start all timeouts and monitors again, except those of obstacles and gaps.

@@ -2,21 +2,44 @@
 
 import math
 
-from treadline.core.signals import Event, TrackCommand
+from treadline.core.signals import ROUNDING_S, Event, OperatorInput, TrackCommand
 from treadline.guard._guard_config import GuardConfig
 from treadline.guard._half_cosine_stop import RampedStop, Stop
 
+ACT_S, HELD_S, AGAIN_S = 0.75, 0.5, 1.0
+"""Shortest release of the dead-man switch after which pressing it again is meant, age of a hold from which a press answers it, and
+time between two re-arms [s]. A terminal over a slow link pauses the repeats of a held key for up to 0.6 s; a person answers what
+has happened after half a second; and a button that bounces at 10 Hz drives a chair by 20 mm each time."""
 
-class Button:
-    """Edge detector of the re-arm button."""
+
+class Rearm:
+    """Tells a person who re-arms from a key that is held on: re-arming is an act of its own.
+
+    The re-arm button is pressed anew while the dead-man switch is held, so with another key; or both were released for ``ACT_S``
+    since the hold began, as where one key is both.
+    """
 
     def __init__(self) -> None:
-        self._down = False
+        self._down, self._dead_man = False, True
+        self._released_s = math.inf
 
-    def press(self, *, down: bool) -> bool:
-        """Return whether the button has just been pressed; a button that stays down counts once."""
-        before, self._down = self._down, down
-        return down and not before
+    def press(self, operator: OperatorInput, held_s: float) -> bool:
+        """Update with a report of the handset; return whether it re-arms.
+
+        Args:
+            operator: The report.
+            held_s: Time since which the chair is held; infinite if it is not.
+        """
+        t_s, is_new, was_held = operator.t_s, operator.rearm and not self._down, self._dead_man
+        released_for_s = t_s - max(self._released_s, held_s)
+        self._down, self._dead_man = operator.rearm, operator.dead_man
+        if operator.dead_man:
+            self._released_s = math.inf
+        elif math.isinf(self._released_s):
+            self._released_s = t_s
+        is_another_key = was_held or released_for_s >= ACT_S - ROUNDING_S
+        is_answer = t_s - held_s >= HELD_S - ROUNDING_S
+        return is_new and is_another_key and is_answer and operator.dead_man and not operator.stop
 
 
 class Latch:
@@ -28,7 +51,8 @@ class Latch:
 
     def __init__(self, config: GuardConfig) -> None:
         self.cause: str | None = None
-        self._held_s = -math.inf
+        self.held_s = math.inf
+        """Time since which the chair is held [s]; infinite if it is not."""
         self._config = config
         self._ramp = RampedStop(config)
         self._events: list[Event] = []
@@ -38,7 +62,7 @@ class Latch:
         """Latch a cause; a later cause is not latched, but an urgent one ends a ramped stop. None is no cause."""
         if cause is None:
             return
-        self._held_s = t_s if self.cause is None else min(self._held_s, t_s)  # the clock may have leapt back
+        self.held_s = min(self.held_s, t_s)  # the clock may have leapt back
         if self.cause is None:
             self.cause, self._ramp = cause, RampedStop(self._config)
             self.report(t_s, "hold", cause)
@@ -56,13 +80,10 @@ class Latch:
         """
         return self._ramp.step(t_s, belts_m_s)
 
-    def release(self, t_s: float, pressed_s: float) -> bool:
-        """End a hold for a button pressed at ``pressed_s``; return whether there was one. A press before the hold is not meant."""
-        if self.cause is None or pressed_s < self._held_s:
-            return False
+    def release(self, t_s: float) -> None:
+        """End the hold."""
         self.report(t_s, "rearmed", f"by a person, after: {self.cause}")
-        self.cause = None
-        return True
+        self.cause, self.held_s = None, math.inf
 
     def slow(self, t_s: float, kind: str, cause: str) -> None:
         """Report a change of the speed restriction; an empty ``kind`` ends it."""
