@@ -62,7 +62,7 @@ class TestRobot:
         """Do what the arming list asks a person to do."""
         if "re-arm" in line:
             self.hold(dead_man=False)
-            time.sleep(0.3)  # three reports of the handset
+            time.sleep(1.0)  # a release that is meant
             self.hold(dead_man=True, rearm=True)
 
     def _write(self, name: str, value: Any) -> None:

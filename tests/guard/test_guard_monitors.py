@@ -580,7 +580,7 @@ def ahead(config: GuardConfig, **changes: Any) -> AheadMonitor:
     return watch
 
 
-@pytest.mark.parametrize(("last_m", "stops"), [(1.1, True), (1.5, False)])
+@pytest.mark.parametrize(("last_m", "stops"), [(1.0, True), (1.1, False), (1.5, False)])
 def test_a_step_before_the_flights_last_nosing_is_no_obstacle_on_the_landing(last_m: float, stops: bool) -> None:
     """Test: frames from a flight show something 1.2 m away, the last nosing of the map before it and beyond it. Expected result:
     held before the former alone; a tread of open risers held a chair on its flight."""

@@ -134,8 +134,8 @@ def keyed(pauses_s: list[float], fault_s: float) -> bool:
 
 
 def test_a_held_key_whose_repeats_pause_re_arms_nobody_and_an_act_does() -> None:
-    """Test: 20,000 keys that are held on over a fault, with pauses of 0.05 to 0.6 s; a key released for a second and pressed; another
-    key; buttons that are stuck, pressed with a stop, at once, or before the hold. Expected: the acts alone re-arm."""
+    """Test: 20,000 keys that are held on over a fault, with pauses of 0.05 to 0.6 s; a key released for a second and pressed;
+    another key; buttons that are stuck, pressed with a stop, at once, or before the hold. Expected: the acts alone re-arm."""
     rng = np.random.default_rng(0)
     for _ in range(20_000):
         assert not keyed([0.0, *rng.uniform(0.05, 0.6, 3)], float(rng.uniform(0.3, 1.5)))

@@ -156,6 +156,7 @@ def test_a_new_session_knows_nothing_of_the_one_before(robot: TestRobot) -> None
     session = BenchSession(client, config, "first")
     robot.hold(dead_man=False)
     session.wait("no handset", 60.0, lambda: OperatorInput in session.newest)
+    time.sleep(1.0)  # a release that is meant
     robot.hold(dead_man=True, rearm=True)
     session.wait("no re-arm", 60.0, lambda: client.holding is None)
     time.sleep(0.1)  # reports of the first session wait to be read

@@ -45,7 +45,7 @@ class AheadMonitor:
         self._width_m = 0.0
         """Distance between the nosings at the gap that was seen last [m]."""
         self._steps_m = (math.inf, -math.inf)
-        """Places of the nearest and of the farthest nosing of the latest map [m]."""
+        """Places of the first nosing that maps have shown of the flight, also of one passed since, and of the latest map's last."""
 
     def look(self, stair: StairMap, places: Sequence[Sequence[float]], travel_m: float) -> None:
         """Update with one map.
@@ -64,14 +64,16 @@ class AheadMonitor:
         self._gaps.look([travel_m + gap[0]] if gap is not None and is_near else [], from_m, to_m)
         if gap is not None and is_near:
             self._width_m = gap[1]
-        self._steps_m = (travel_m + places[0][0], travel_m + places[-1][0]) if places else (math.inf, -math.inf)
+        if places:
+            first_m, last_m = travel_m + places[0][0], travel_m + places[-1][0]
+            is_same_flight = first_m < self._steps_m[1] + SAME_M and self._steps_m[0] < last_m + SAME_M
+            self._steps_m = min(first_m, self._steps_m[0]) if is_same_flight else first_m, last_m
 
     def look_on(self, obstacle_m: float | None, travel_m: float) -> None:
-        """Update with the obstacle that one frame shows on flat ground; a step of the latest map is none."""
+        """Update with the obstacle that one frame shows on flat ground; a step of the flight is none."""
         travel_m *= self._sign
         first_m, last_m = self._steps_m
-        to_m = max(last_m - SAME_M, first_m + SAME_M)  # what stands on the last nosing is none of the flight's
-        is_step = obstacle_m is not None and first_m - SAME_M < travel_m + obstacle_m < to_m
+        is_step = obstacle_m is not None and first_m - SAME_M < travel_m + obstacle_m < last_m + SAME_M
         _show(self._in_frames, None if is_step else obstacle_m, travel_m)
 
     def cause(self, travel_m: float, speed_m_s: float) -> str | None:
