@@ -5,7 +5,7 @@ A value that is no number, or that no chair and no sensor can have, is an error 
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, get_args
 
 from treadline.core.angles import DEG
 from treadline.core.signals import (
@@ -19,6 +19,7 @@ from treadline.core.signals import (
     HeadingMeasurement,
     ImuSample,
     MotionPlan,
+    Phase,
     SeatCommand,
     SeatReading,
     StairMap,
@@ -34,6 +35,9 @@ GYRO_RAD_S = 2000.0 * DEG
 
 SEEN_M = 65.535
 """Largest distance that a depth image of 16-bit millimetres can hold [m]: no camera measures a place beyond."""
+
+MOST_NOSINGS = 100
+"""Largest number of nosings in a map: more than a camera sees within ``SEEN_M`` of the longest flights. Each costs time in a tick."""
 
 
 def finite(*values: float) -> bool:
@@ -82,6 +86,10 @@ def _frame_fault(quality: FrameQuality, _: GuardConfig) -> str:
 
 
 def _map_fault(stair: StairMap, _: GuardConfig) -> str:
+    if len(stair.nosings_B) > MOST_NOSINGS:
+        return f"holds {len(stair.nosings_B)} nosings"
+    if stair.direction not in ("up", "down"):
+        return f"leads {stair.direction!r}, neither up nor down"
     sides = (stair.left_wall_m, stair.right_wall_m, stair.left_edge_m, stair.right_edge_m, stair.left_seen_m, stair.right_seen_m)
     places = [value for place in stair.nosings_B for value in place]
     distances_m = [stair.rise_m, stair.run_m, *places, *(value for value in (stair.obstacle_m, *sides) if value is not None)]
@@ -96,6 +104,8 @@ def _ground_fault(ground: FreeGround, _: GuardConfig) -> str:
 
 
 def _plan_fault(plan: MotionPlan, limits: GuardConfig) -> str:
+    if plan.phase not in get_args(Phase):
+        return f"has an unknown phase {plan.phase!r}"
     speeds = (plan.speed_m_s, plan.turn_m_s or 0.0, plan.pitch_feedforward_m_s)
     fault = _size_fault("has a speed of {:g} m/s", limits.belt_limit_m_s, *speeds)
     rate_rad_s = 0.0 if plan.flipper is None else plan.flipper.rate_rad_s

@@ -26,11 +26,10 @@ class Stamps:
         self._config = config
         self._now_s: float | None = None
         self._last_s: dict[tuple[str, str], float] = {}
-        self._in_series: set[str] = set()
         self.rejected: Counter[str] = Counter()
         """Number of messages rejected for their stamp or their content, by kind."""
         self.rejection: str | None = None
-        """Reason of the last rejection; None if it continues a series of its kind, was overtaken, or was before the first tick."""
+        """Reason of the last rejection; None if the message was overtaken, repeated, or before the first tick."""
         self.leap: str | None = None
         """How far the stamp of the last message leapt, if by more than ``clock_jump_s``."""
 
@@ -49,14 +48,11 @@ class Stamps:
         kind = type(message).__name__
         fault = self._fault(kind, by, message)
         if fault is None and not content:
-            self._in_series.discard(kind)
             self._last_s[kind, by] = message.t_s
             return True
         fault = content if fault is None else fault
         self.rejected[kind] += 1
-        self.rejection = f"{kind} {fault}" if fault and kind not in self._in_series else None
-        if fault:
-            self._in_series.add(kind)
+        self.rejection = f"{kind} {fault}" if fault else None
         return False
 
     def restart(self) -> None:

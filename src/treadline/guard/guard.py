@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 from treadline.core.signals import (
     ROUNDING_S,
+    TICK_S,
     CommandSource,
     Event,
     FlipperCommand,
@@ -100,6 +101,8 @@ class Guard:
         self._seat_command = SeatCommand(t_s=-math.inf, rate_m_s=0.0)
         self._now_s = self._driver_s = 0.0
         self._t_s: float | None = None
+        self._same_ticks = 0
+        """Number of ticks at one time."""
         self._velocity: VelocityCommand | None = None
         self._map_s = self._rearmed_s = self._begun_s = -math.inf
         self._heading_rad = math.inf
@@ -216,8 +219,7 @@ class Guard:
     def _accepts(self, message: Stamped, by: str = "") -> bool:
         """Return whether stamp and content of a message are acceptable.
 
-        Of what must speak an accepted message ends the silence, and the reason of a rejection is kept for the cause of a hold. The
-        first rejection of a series is reported.
+        Of what must speak an accepted message ends the silence, and the reason of a rejection is kept for the cause of a hold.
         """
         accepted = self._admission.accept(message, by)
         monitor, source = self._sources.get(type(message), (None, ""))
@@ -232,7 +234,7 @@ class Guard:
     def _report_rejection(self) -> None:
         rejection = self._admission.stamps.rejection
         if rejection is not None:
-            self._latch.report(self._now_s, "rejected", rejection)
+            self._latch.reject(self._now_s, rejection)
 
     def _note_fault(self, reading: Stamped) -> None:
         """Note why a reading was rejected, for the cause of a hold when this lasts; a sensor's clock that leapt holds at once."""
@@ -456,6 +458,9 @@ class Guard:
                 if not is_awaited:
                     self._latch.report(t_s, f"{name}_unwatched", unwatched)
         passed_s, self._t_s = t_s - self._t_s, t_s
+        self._same_ticks = self._same_ticks + 1 if passed_s == 0.0 else 0
+        if self._same_ticks * TICK_S > self._config.silence_s:
+            self._latch.hold(t_s, Stop.BRAKE, f"mission clock stands still at {t_s:.2f} s")
         if passed_s < -self._config.clock_jump_s:
             self._latch.hold(t_s, Stop.BRAKE, f"mission clock leapt by {passed_s:+.2f} s")
         if passed_s > self._config.silence_s:

@@ -12,6 +12,10 @@ time between two re-arms [s]. A terminal over a slow link pauses the repeats of 
 has happened after half a second; and a button that bounces at 10 Hz drives a chair by 20 mm each time."""
 
 
+QUIET_S = 10.0
+"""Time in which one kind of rejected message is reported once [s]: a person reads an event, not a thousand."""
+
+
 class Rearm:
     """Tells a person who re-arms from a key that is held on: re-arming is an act of its own.
 
@@ -57,6 +61,8 @@ class Latch:
         self._ramp = RampedStop(config)
         self._events: list[Event] = []
         self._slow = ""
+        self._told: dict[str, tuple[float, int]] = {}
+        """Of each kind of message that was rejected: when it was last told, and how many have been rejected since."""
 
     def hold(self, t_s: float, stop: Stop, cause: str | None) -> None:
         """Latch a cause; a later cause is not latched, but an urgent one ends a ramped stop. None is no cause."""
@@ -94,6 +100,16 @@ class Latch:
     def report(self, t_s: float, name: str, cause: str) -> None:
         """Append an event."""
         self._events.append(Event(t_s=t_s, name=name, cause=cause))
+
+    def reject(self, t_s: float, cause: str) -> None:
+        """Report a rejected message, of each kind at most once in ``QUIET_S``, with the number of those that were not told."""
+        kind = cause.split(maxsplit=1)[0]
+        told_s, count = self._told.get(kind, (-math.inf, 0))
+        if t_s - told_s < QUIET_S:
+            self._told[kind] = min(told_s, t_s), count + 1
+            return
+        self._told[kind] = t_s, 0
+        self.report(t_s, "rejected", cause + (f"; {count} more since" if count else ""))
 
     def take(self) -> list[Event]:
         """Return the events since the last call."""
