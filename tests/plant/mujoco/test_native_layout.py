@@ -114,9 +114,3 @@ def test_a_belt_follows_with_lag_within_its_limits_and_a_brake_stops_it(
     speed: float, asked: float, brake: bool, expected: float
 ) -> None:
     assert drives.drive_belt(speed, asked, brake, 1.0, 0.1, 0.02, 0.1) == pytest.approx(expected, abs=1e-15)
-
-
-def test_a_table_is_straight_between_its_entries_and_held_at_its_ends() -> None:
-    entries = np.array([1.0, 3.0, 2.0])
-    values = [drives.table(x, 10.0, 0.5, entries) for x in (9.0, 10.0, 10.25, 10.5, 10.75, 11.0, 12.0)]
-    assert values == pytest.approx([1.0, 1.0, 2.0, 3.0, 2.5, 2.0, 2.0])
