@@ -84,17 +84,6 @@ def test_a_typed_time_and_a_clicked_moment_move_the_cursor_and_stay(replay: Any)
     replay.until(lambda: float(box.get_attribute("value")) == 0.0, "the same time in the box")
 
 
-def test_the_scene_has_half_of_a_small_window_and_the_timeline_all_of_it(replay: Any) -> None:
-    """Test: a window of 1,100 pixels. Expected: a scene of at least 550, and a timeline from edge to edge."""
-    width = "return document.documentElement.clientWidth"
-    replay.driver.set_window_size(1100, 800)
-    scene = "return Math.max(...[...document.querySelectorAll('canvas')].map(c => c.parentElement.getBoundingClientRect().width))"
-    replay.until(lambda: replay.run(scene) >= 0.5 * replay.run(width), "half of the window")
-    timeline = replay.run("return document.getElementById('timeline').getBoundingClientRect().width")
-    assert timeline == pytest.approx(replay.run(width), abs=1.0)
-    replay.driver.set_window_size(1440, 900)
-
-
 def test_stop_rearm_and_a_fault_reach_the_chair_and_two_clients_see_it(page: Any, make_page: Callable[[], Any], live: str) -> None:
     """Test: two clients of one live run; the second is killed. Expected: both see stop, re-arm and fault, and the run goes on."""
     page.driver.get(live)

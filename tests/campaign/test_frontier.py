@@ -3,11 +3,10 @@
 import json
 
 import numpy as np
-import pytest
 
 from treadline.campaign._campaign_page import thumbnail, view_of
 from treadline.campaign._pool import VIEW, Row
-from treadline.campaign._results import flat, frontier_of, separation
+from treadline.campaign._results import flat, frontier_of
 from treadline.scenario.scenario import Scenario
 
 from ..report.conftest import climbing  # noqa: TID252 - pytest names the folders; outside of it they are no package
@@ -48,11 +47,6 @@ def test_fewer_runs_than_coefficients_allow_draw_no_frontier() -> None:
     whole = [row | {"verdict": "arrived"} for row in rows]
     assert frontier_of(whole, ["slope_deg", "friction"]) is None
     assert frontier_of(rows, ["slope_deg"]) is None
-
-
-@pytest.mark.parametrize(("values", "expected"), [([1.0, 2.0, 3.0, 4.0], 0.5), ([1.0, 3.0, 2.0, 4.0], 0.25), ([1.0] * 4, 0.0)])
-def test_separation_is_the_area_between_the_roc_curve_and_chance(values: list[float], expected: float) -> None:
-    assert separation(np.array(values), np.array([False, False, True, True])) == pytest.approx(expected)
 
 
 def test_a_thumbnail_is_drawn_from_the_row_alone() -> None:

@@ -51,28 +51,3 @@ def test_a_page_shows_what_its_golden_file_says_and_asks_for_nothing(title: str,
     assert not re.search(r"https?:|<script|\son\w+=", page)
     assert text.tags.isdisjoint({"b", "img", "link"})
     GOLDEN.check(title, text.lines)
-
-
-@pytest.mark.parametrize(
-    ("key", "low", "high", "title"),
-    [
-        ("stair.slope_deg", 20.0, 30.0, "stair.slope_deg [°]"),
-        ("start.heading_deg", -5.0, 5.0, "start.heading_deg [°]"),
-        ("chair.payload_kg", 0, 80, "chair.payload_kg [kg]"),
-        ("stair.friction.0", 0.5, 0.9, "stair.friction.0"),
-    ],
-)
-def test_all_dots_are_inside_the_frame_of_the_varying_key_and_falls_above_the_others(
-    tmp_path: Path, key: str, low: float, high: float, title: str
-) -> None:
-    """Test: a fall at one end of the range, and an arrival at the other. Expected: dots inside, in the order of their values."""
-    page = page_of(tmp_path, {"verdict": "fell", key: high}, {key: low}, {"stair.texture": "wood", "stair.slope_deg": None})
-    assert f">{title}</p>" in page
-    frame = {name: float(value) for name, value in re.findall(r'(x|y|width|height)="([\d.]+)"', page[page.index("<rect") :])[:4]}
-    dots = [[float(value) for value in dot] for dot in re.findall(r'cx="([\d.]+)" cy="([\d.]+)" r="([\d.]+)"', page)]
-    assert len(dots) == 2  # a missing value has none
-    for x, y, r in dots:
-        assert frame["x"] + r < x < frame["x"] + frame["width"] - r
-        assert frame["y"] + r < y < frame["y"] + frame["height"] - r
-    assert dots[0][0] < dots[1][0]
-    assert dots[0][2] < dots[1][2]

@@ -3,7 +3,6 @@
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from treadline.core.models import LinearModel
@@ -36,17 +35,6 @@ def test_models_are_scored_on_a_log_that_they_do_not_know(run, tmp_path: Path, t
     assert "<svg" in (tmp_path / "fits.svg").read_text(encoding="utf-8")
     record = read_record(log, ("left_m_s", "right_m_s"), ("heading_rad", "yaw_rate_rad_s"))
     assert LinearModel.load(two_models[1]).compare(record).fit_percent == good["fit_percent"]
-
-
-def test_people_read_a_table_with_start_and_horizon(run, tmp_path: Path, two_models: list[Path]) -> None:
-    log = write_log(tmp_path / "other.csv", seed=5)
-    model = LinearModel.load(two_models[1])
-    unstable = replace(model, A=model.A + 0.2 * np.eye(2))
-    unstable.save(tmp_path / "grows.json")
-    outcome = run("identify", two_models[1], tmp_path / "grows.json", "--on", log)
-    *_, stable, forecast = outcome.out.splitlines()
-    assert stable.endswith("free run from the state of the first 15 s, scored on the 540 samples after them")
-    assert "forecast 2.5 s ahead (unstable model)" in forecast
 
 
 def test_bad_input_is_one_line_with_the_remedy(run, tmp_path: Path, two_models: list[Path]) -> None:

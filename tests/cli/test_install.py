@@ -7,12 +7,10 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
 from packaging.requirements import Requirement
-from scripts import module_of
 
 ROOT = Path(__file__).parents[2]
 PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
@@ -20,11 +18,6 @@ LOCKED = dict(
     line.split("==") for line in (ROOT / "requirements.lock").read_text(encoding="utf-8").splitlines() if not line.startswith("#")
 )
 INSTALL = ROOT / "tools" / "install.py"
-
-
-@pytest.fixture(scope="module")
-def install() -> ModuleType:
-    return module_of(INSTALL)
 
 
 def requirements() -> list[Requirement]:
@@ -39,21 +32,6 @@ def requirements() -> list[Requirement]:
 def test_the_lock_has_an_admitted_version_of_each_requirement() -> None:
     missing = [str(item) for item in requirements() if not item.specifier.contains(LOCKED.get(item.name.lower(), "0"))]
     assert missing == [], "run make lock PYTHON=python3.11"
-
-
-def test_the_progress_counts_packages_found_and_installed(install: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
-    progress = install.Installation()
-    for line in (
-        "Collecting numpy>=2.0 (from treadline==0.3.0)\n",
-        "  Downloading https://example.org/packages/numpy-2.4.6-cp311-manylinux.whl (16.6 MB)\n",
-    ):
-        progress.read(line)
-    progress.report()
-    progress.read("Installing collected packages: numpy, scipy\n")
-    progress.report()
-    first, second = capsys.readouterr().out.splitlines()
-    assert first.endswith("s] 1 packages found, now downloading numpy-2.4.6-cp311-manylinux.whl (16.6 MB)")
-    assert second.endswith("s] 0 of 2 packages installed")
 
 
 def test_a_failure_of_pip_is_shown_and_its_exit_code_passed_on() -> None:

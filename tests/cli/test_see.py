@@ -83,12 +83,6 @@ def test_a_recorded_frame_gives_the_heading_and_all_keys(run, folder: Path) -> N
     assert seen["stair"]["run_m"] == pytest.approx(0.30, abs=0.01)
 
 
-def test_the_yaw_of_the_mount_is_taken_from_the_calibration(run, folder: Path) -> None:
-    (folder / "camera.toml").write_text(CAMERA + "mount_yaw_deg = 5.0\n")
-    seen = run("see", *pair(folder), "--json").values
-    assert seen["heading_deg"] == pytest.approx(HEADING_DEG - 5.0, abs=0.5)
-
-
 @pytest.mark.parametrize("with_gravity", [True, False])
 def test_without_a_mount_the_heading_is_said_to_be_the_cameras_own(run, folder: Path, with_gravity: bool) -> None:
     known = run("see", *pair(folder), "--json").values
@@ -135,18 +129,6 @@ def test_the_six_stages_and_what_was_seen_are_written(run, folder: Path) -> None
     assert len(pictures) == 6
     for name in pictures:
         assert cv2.imread(str(out / name)).shape == (240, 320, 3)
-
-
-def test_a_folder_is_read_frame_by_frame(run, folder: Path) -> None:
-    frame, _ = on_a_flight(2, HEADING_DEG)
-    write_pair(folder, "b", frame)
-    (folder / "notes.txt").write_text("not a frame")
-    outcome = run("see", folder, "--json")
-    assert outcome.code == 0
-    frames = outcome.values["frames"]
-    assert [item["name"] for item in frames] == ["a", "b"]
-    for item in frames:
-        assert item["heading_deg"] == pytest.approx(HEADING_DEG, abs=0.5)
 
 
 @pytest.mark.parametrize("name", ["a_rgb.png", "a_depth.png"])

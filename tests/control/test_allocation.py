@@ -1,5 +1,6 @@
 """Allocation of the controller's demand to the belts."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,24 +20,16 @@ def limits(climb: float) -> BeltLimits:
     return BeltLimits(climb_speed_m_s=climb, max_speed_m_s=1.0)
 
 
-@given(left=asked_m_s, right=asked_m_s, climb=climb_m_s)
-def test_the_inner_belt_keeps_its_minimum_and_the_outer_its_limit(left: float, right: float, climb: float) -> None:
-    given_m_s = climb_safe(np.array([left, right]), limits(climb))
-    assert given_m_s.min() >= 0.25 * climb - ROUNDING
-    assert given_m_s.max() <= 1.0 + ROUNDING
-    assert given_m_s.mean() <= 0.55 + ROUNDING  # the guard's limit
-
-
-@given(left=asked_m_s, right=asked_m_s, climb=climb_m_s, error=st.floats(min_value=-1.0, max_value=1.0))
+@given(left=asked_m_s, right=asked_m_s, climb=climb_m_s, error=st.none() | st.floats(min_value=-1.0, max_value=1.0))
 def test_the_inner_belt_keeps_the_ratio_of_its_heading_error_and_the_outer_its_limit(
-    left: float, right: float, climb: float, error: float
+    left: float, right: float, climb: float, error: float | None
 ) -> None:
-    share = inner_speed_ratio(error)
-    kept = BeltLimits(climb_speed_m_s=climb, max_speed_m_s=1.0, min_inner_speed_ratio=share)
+    share = 0.25 if error is None else inner_speed_ratio(error)
+    kept = limits(climb) if error is None else replace(limits(climb), min_inner_speed_ratio=share)
     given_m_s = climb_safe(np.array([left, right]), kept)
     assert given_m_s.min() >= share * climb - ROUNDING
     assert given_m_s.max() <= 1.0 + ROUNDING
-    assert climb - ROUNDING <= given_m_s.mean() <= 0.55 + ROUNDING
+    assert climb - ROUNDING <= given_m_s.mean() <= 0.55 + ROUNDING  # the guard's limit
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])

@@ -24,15 +24,6 @@ def modal(poles: list[float], seed: int) -> LinearModel:
     return system(np.diag(poles), B, C)
 
 
-def test_a_geometric_response_is_a_system_of_one_state() -> None:
-    # y_k = 3 · 0.5^(k-1) with feedthrough 7: A = 0.5, CB = 3, D = 7.
-    response = np.array([7.0, *(3.0 * 0.5**k for k in range(8))]).reshape(9, 1, 1)
-    A, B, C, D = era(response, 1)
-    assert float(A[0, 0]) == pytest.approx(0.5, abs=1e-14)
-    assert float((C @ B)[0, 0]) == pytest.approx(3.0, abs=1e-13)
-    assert float(D[0, 0]) == 7.0
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_a_response_gives_back_its_system(seed: int) -> None:
     true = modal([0.9, 0.5, -0.4], seed)

@@ -12,12 +12,10 @@ from systems import system
 from treadline.core.linear_systems import (
     fit_percent,
     h_step_rmse,
-    impulse_response,
     predictions,
     simulate,
 )
 from treadline.core.models import InputOutputRecord, LinearModel
-from treadline.core.transfer_function import frequency_response
 from treadline.io.model_files import write_model
 
 SHIFTS = [(0, 0), (3, 0), (1, 5), (30, 30), (70, 2)]
@@ -41,27 +39,6 @@ def plant() -> LinearModel:
 def late(u: np.ndarray, shifts: tuple[int, int], rest: np.ndarray) -> np.ndarray:
     """Return inputs that come later; before they do they are at rest."""
     return np.column_stack([np.concatenate([np.full(d, rest[j]), u[:, j]])[: len(u)] for j, d in enumerate(shifts)])
-
-
-@pytest.mark.parametrize("shifts", SHIFTS)
-def test_dead_time_shifts_the_inputs_and_nothing_else(plant: LinearModel, shifts: tuple[int, int]) -> None:
-    u, x0 = plant.input_offset + np.random.default_rng(1).standard_normal((60, 2)), np.array([1.0, -2.0])
-    delayed = replace(plant, input_delay=shifts)
-    expected = simulate(plant, late(u, shifts, plant.input_offset), x0)
-    np.testing.assert_allclose(simulate(delayed, u, x0), expected, rtol=0.0, atol=1e-13)
-    for j in (0, 1):
-        impulse = np.zeros((60, 2))
-        impulse[0, j] = 1.0
-        response = simulate(delayed, plant.input_offset + impulse, np.zeros(2)) - plant.output_offset
-        np.testing.assert_allclose(impulse_response(delayed, 60)[:, :, j], response, atol=1e-13)
-
-
-@pytest.mark.parametrize("shifts", SHIFTS)
-def test_a_frequency_response_is_the_transform_of_the_impulse_response(plant: LinearModel, shifts: tuple[int, int]) -> None:
-    omega, delayed = np.array([0.1, 1.0, 3.0]), replace(plant, input_delay=shifts)
-    response = impulse_response(delayed, 400)
-    expected = np.einsum("wk,kpm->wpm", np.exp(-1j * np.outer(omega, np.arange(400))), response)
-    np.testing.assert_allclose(frequency_response(delayed, omega), expected, atol=1e-12)
 
 
 @pytest.mark.parametrize("shifts", SHIFTS)

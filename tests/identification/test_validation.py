@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from jaxtyping import Float
-from scipy.signal import dlsim
 from systems import Draw, fit, system
 
 from treadline.core.errors import PoorExcitation
@@ -46,13 +45,6 @@ def driven(model: LinearModel, samples: int, seed: int, size: float = 1.0) -> tu
         outputs.append(model.C @ x + model.D @ v + e[k] + model.output_offset)
         x = model.A @ x + model.B @ v + model.observer_gain @ e[k]
     return InputOutputRecord(u=u, y=np.array(outputs), dt_s=model.dt_s), e
-
-
-def test_a_free_run_is_the_recursion_of_the_state_equations(eq_12: LinearModel) -> None:
-    u = np.random.default_rng(0).standard_normal((200, 2))
-    x0 = np.array([1.0, -2.0])
-    _, expected, _ = dlsim((eq_12.A, eq_12.B, eq_12.C, eq_12.D, 1.0), u, x0=x0)
-    np.testing.assert_allclose(simulate(eq_12, u, x0), expected, atol=1e-13)
 
 
 def test_the_initial_state_is_found_from_the_record(eq_12: LinearModel) -> None:

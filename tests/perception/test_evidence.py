@@ -63,13 +63,6 @@ def test_each_repetition_adds_evidence() -> None:
     assert np.diff(found).min() > 3.0
 
 
-def test_unequal_steps_are_no_stair() -> None:
-    """Test: three shelves whose spacing differs by a third. Expected result: none."""
-    shelf = [tread_row(0), tread_row(1), tread_row(1)]
-    shelf[2] = [shelf[1][0] + 1.33 * RISE, *shelf[1][1:2], shelf[1][2] + 0.67 * RUN, *shelf[1][3:]]
-    assert not evidence(shelf, []) > EVIDENCE
-
-
 @pytest.mark.parametrize("known_top", [False, True], ids=["its ends unknown", "its top seen"])
 def test_a_wall_behind_open_steps_is_no_riser(known_top: bool) -> None:
     """Test: three steps, and a wall at the place of a fourth riser, seen two rises above it. Expected result: the evidence of three

@@ -1,15 +1,11 @@
 """Algorithm 1 stage by stage: thresholds, abrupt depths, segments, merging, the answer of Eq. (2)."""
 
-from pathlib import Path
-
-import cv2
 import numpy as np
 import pytest
 
 from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.perception import DetectorConfig, StairDetector
-from treadline.perception.overlay import write_stages
 from treadline.perception.paper.algorithm import BOX_COLOUR, PaperConfig, run_steps
 from treadline.perception.paper.edges import canny, grey_of, thresholds
 from treadline.perception.paper.hough_segments import merged, slopes
@@ -55,15 +51,6 @@ def test_the_answer_carries_box_count_and_six_pictures() -> None:
     assert [picture.shape for picture in sight.stages] == [(240, 320, 3)] * 6
     assert (sight.stages[5] == BOX_COLOUR).all(axis=2).any()
     assert PAPER.look(banded(0.0)).stages is None
-
-
-def test_stages_are_written_as_pictures(tmp_path: Path) -> None:
-    sight = PAPER.look(banded(0.0), stages=True)
-    paths = write_stages(sight.stages, tmp_path / "new", "fig05")
-    assert [path.name for path in paths] == [f"fig05-{number}.png" for number in range(1, 7)]
-    assert sorted((tmp_path / "new").iterdir()) == paths
-    for path, picture in zip(paths, sight.stages, strict=True):
-        np.testing.assert_array_equal(cv2.cvtColor(cv2.imread(str(path)), cv2.COLOR_BGR2RGB), picture)
 
 
 def test_a_picture_without_lines_is_refused_with_the_reason() -> None:

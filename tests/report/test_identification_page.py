@@ -14,10 +14,8 @@ from treadline.core import transfer_function as transfer
 from treadline.core.arrays import decimated
 from treadline.core.errors import TreadlineError
 from treadline.core.model_scores import compare
-from treadline.report import _model_figures as figures
 from treadline.report import _model_runs as runs
 from treadline.report.identification_page import write_identification_page
-from treadline.report.labels import channel
 
 from .pages import A_CALM, ONE, TWO, found, identification_page, identified, model_with, record_of
 
@@ -55,18 +53,6 @@ def test_a_page_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     there = found()
     with pytest.raises(TreadlineError, match="cannot be written"):
         write_identification_page(tmp_path, there.model, there.report, there.fitted, there.judged, title="")
-
-
-def test_an_output_that_answers_for_a_second_is_not_drawn_for_a_minute() -> None:
-    t = 0.25 * np.arange(345)
-    spike, slow = np.exp(-4.0 * t) + 0.01 * np.exp(-0.05 * t), np.exp(-0.05 * t)
-    response = np.stack([slow, spike], axis=1)[:, :, None]
-    figure = figures.time_response(response, None, 0.25, [channel("left_m_s")], [channel("heading_rad"), channel("yaw_rate_rad_s")])
-    ends = [ax.lines[-1].get_xdata()[-1] for ax in figure.axes]
-    assert ends[0] == t[-1]
-    assert ends[1] < 6.0
-    assert runs.answering(np.ones((100, 2))) == 100  # an integrator answers for good
-    assert runs.answering(np.zeros((100, 2))) == transfer.STEPS_LEAST
 
 
 def test_runs_begin_anew_behind_a_missing_input_and_bridge_missing_outputs() -> None:
@@ -145,16 +131,3 @@ def test_thinning_keeps_peaks_and_gaps() -> None:
     assert np.nanmax(thin) == 7.0
     assert np.isnan(thin).any()
     assert len(t) == len(thin)
-
-
-def test_a_name_contains_its_unit() -> None:
-    named = {
-        "left_m_s": ("left", "m/s"),
-        "heading_rad": ("heading", "rad"),
-        "yaw_rate_rad_s": ("yaw_rate", "rad/s"),
-        "pitch_deg": ("pitch", "°"),
-        "jerk_m_s2": ("jerk", "m/s²"),
-        "channel_a": ("channel_a", None),
-        "_m": ("_m", None),
-    }
-    assert {name: (channel(name).quantity, channel(name).unit) for name in named} == named

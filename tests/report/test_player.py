@@ -11,12 +11,11 @@ from page_text import unpacked
 
 from treadline.playback import Recording
 from treadline.report._html import packed
-from treadline.report._player_data import creases, scene_of, uniform
+from treadline.report._player_data import scene_of, uniform
 from treadline.report.player_page import write_player
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair
 from treadline.vehicle.appearance import body_poses, chair_parts
-from treadline.vehicle.appearance._mesh import box, cylinder
 
 from .conftest import PlayerPage, climbing
 from .pages import held
@@ -37,13 +36,6 @@ def test_packed_numbers_come_back_within_half_a_step(values: list[float]) -> Non
     np.testing.assert_array_equal(np.isnan(back), np.isnan(table))
     # Half a step, and the rounding of the product.
     np.testing.assert_allclose(back[np.isfinite(back)], known, atol=0.5 * step * (1 + 1e-6) + 1e-12)
-
-
-def test_creases_of_a_box_are_its_twelve_edges_and_of_a_cylinder_its_rims() -> None:
-    cube = box((0.0, 0.0, 0.0), (1.0, 2.0, 3.0))
-    assert len(creases(cube.vertices, cube.faces)) == 12
-    rod = cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.2, sides=24)
-    assert len(creases(rod.vertices, rod.faces)) == 2 * 24
 
 
 def test_the_tables_of_moving_bodies_are_their_poses(recording: Recording) -> None:
@@ -153,31 +145,3 @@ def test_space_plays_after_a_button_was_clicked(browser: PlayerPage, page: Path)
     assert browser.run("return player.playing") is False
     webdriver.ActionChains(browser.driver).send_keys(" ").perform()
     assert browser.run("return player.playing") is True
-
-
-def test_the_side_view_is_orthogonal_and_the_whole_stair_is_in_its_view(browser: PlayerPage, page: Path) -> None:
-    """Test: two points one behind the other in the side view; the corners of the box in the whole view.
-
-    Expected: the points coincide in the picture, and every corner is inside it.
-    """
-    browser.open(page)
-    project = """
-      view('%s');
-      const v = scene.view, [eye, target] = scene.eyeAndTarget(), reach = v.distance * Math.tan(FIELD_RAD / 2);
-      const aspect = scene.canvas.clientWidth / scene.canvas.clientHeight, se = Math.sin(v.elevation);
-      const up = [-se * Math.cos(v.azimuth), -se * Math.sin(v.azimuth), Math.cos(v.elevation)];
-      const lens = v.orthogonal ? orthographic(reach * aspect, reach, -FAR_M, FAR_M) : perspective(FIELD_RAD, aspect, 0.05, FAR_M);
-      const m = times(lens, lookAt(eye, target, up));
-      return %s.map((p) => [0, 1].map((i) => point(m, p)[i] / (m[3] * p[0] + m[7] * p[1] + m[11] * p[2] + m[15])));
-    """
-    near, far = browser.run(project % ("side", "[[1, -0.5, 1], [1, 0.5, 1]]"))
-    np.testing.assert_allclose(near, far, atol=1e-6)  # single precision
-    low, high = browser.run("return [data.extent.low, data.extent.high]")
-    corners = [[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
-    assert np.abs(browser.run(project % ("whole", corners))).max() <= 1.0
-
-
-def test_every_term_of_the_legend_is_explained(browser: PlayerPage, page: Path) -> None:
-    browser.open(page)
-    assert browser.run("return [...document.querySelectorAll('.legend span')].filter((s) => !s.title).length") == 0
-    assert browser.run("return document.querySelectorAll('#terms dt').length") >= 20

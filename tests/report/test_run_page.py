@@ -29,7 +29,6 @@ from treadline.vehicle.ground_profile import ground_profile
 from treadline.vehicle.rest_poses import rest_chair
 
 from .conftest import Transcript, write_run
-from .pages import PHASES
 
 
 def truth_at(t_s: float) -> Truth:
@@ -69,26 +68,6 @@ def test_a_score_on_the_page_is_that_of_the_result_to_its_last_digit(value: floa
     (((_, _, text),),) = (group.rows for group in score_groups({key: value}, None))
     number = re.match(r"\d+(?:\.(\d+))?", text)
     assert float(number[0]) == pytest.approx(value, abs=0.5001 * 10.0 ** -len(number[1] or ""))
-
-
-def test_the_names_of_phases_do_not_cover_one_another(run_folder: Path) -> None:
-    strip = single_run(read_series(run_folder), PHASES).axes[0]
-    assert [text.get_text() for text in strip.texts] == [name for _, name in PHASES]
-    # Of 30 s on 7 in: none over another, also where a phase lasted 0.1 s.
-    assert min(np.diff([text.get_position()[0] for text in strip.texts])) > 0.3
-
-
-def test_every_axis_contains_its_curves_and_an_enlarged_one_their_steady_part(run_folder: Path) -> None:
-    axes = single_run(read_series(run_folder), [], read_recording(run_folder)).axes
-    enlarged = [ax for ax in axes if "enlarged" in ax.get_title(loc="left")]
-    assert 0 < len(enlarged) < len(axes)
-    for ax in axes:
-        low, high = ax.get_ylim()
-        for line in ax.lines:
-            shown = line.get_ydata()[line.get_xdata() >= (20.0 if ax in enlarged else 0.0)]  # [s], of a run of 30 s
-            assert low < shown.min() <= shown.max() < high
-    low, high = enlarged[0].get_ylim()
-    assert high - low < 0.2  # the series starts at 10°
 
 
 def test_the_curves_of_a_log_are_what_the_scores_are_the_peaks_of(run_folder: Path) -> None:

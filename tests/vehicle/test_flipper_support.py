@@ -9,8 +9,6 @@ from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.vehicle.tracks import track_on_stair_m
 
 FLIPPERS, FIXED = read_chair("wheelchair"), read_chair("wheelchair-fixed")
-HEAVY_N = 9.81 * 180.0
-"""A chair with a heavy passenger."""
 
 
 def with_tracks(chair: ChairDescription, **tracks: float) -> ChairDescription:

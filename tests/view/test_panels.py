@@ -10,26 +10,13 @@ import pytest
 from page_text import PageText
 
 from treadline.core.angles import DEG
-from treadline.core.signals import Event
 from treadline.playback import Limits, Moment, Recording
-from treadline.report.labels import PHASES
-from treadline.report.plot_table import phase_colour
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario
 from treadline.vehicle.stair_solids import Box
 from treadline.vehicle.staircase import as_designed
 from treadline.view._messages import Handset, Obstacle, ShownFrame, latest
-from treadline.view._panels import (
-    GREEN,
-    HTML,
-    ORANGE,
-    PANELS,
-    RED,
-    camera_html,
-    legend_html,
-    text_on,
-    way_html,
-)
+from treadline.view._panels import HTML, PANELS, camera_html, legend_html, way_html
 from treadline.view._plots import LIVE_PLOTS, plot_data, shown_plots, way_lines
 from treadline.view._session import Fork, Session
 
@@ -102,30 +89,7 @@ def test_a_limit_is_drawn_in_the_phases_in_which_it_applies() -> None:
     np.testing.assert_allclose(upper, np.where(t_s < 20.0, 4.0, 5.0))
 
 
-# ---- texts ----
-
-
-def test_the_name_of_a_phase_is_shown_whole_or_not_at_all() -> None:
-    drawn = HTML.timeline(session_of(a_run(more=(Event(t_s=29.5, name="traction", cause="on two nosings"),)), 1.0))
-    assert "&nbsp;climb</div>" in drawn
-    assert "&nbsp;</div>" in drawn
-
-
-def test_the_timeline_marks_phases_hold_rearming_fork_and_cursor() -> None:
-    assert HTML.timeline(held_and_forked()).count("position:absolute") == 6  # two phases, and one each of the others
-
-
-@pytest.mark.parametrize("colour", [*map(phase_colour, PHASES), ORANGE, GREEN, RED])
-def test_text_on_every_colour_can_be_read(colour: str) -> None:
-    """Test: contrast by WCAG 2.2. Expected: at least 4.5:1, as it asks for small text."""
-
-    def luminance(code: str) -> float:
-        digits = code[1:] if len(code) == 7 else "".join(2 * letter for letter in code[1:])
-        parts = [int(digits[k : k + 2], 16) / 255.0 for k in (0, 2, 4)]
-        return float(np.dot([0.2126, 0.7152, 0.0722], [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in parts]))
-
-    dark, light = sorted((luminance(colour), luminance(text_on(colour))))
-    assert (light + 0.05) / (dark + 0.05) >= 4.5
+# ---- panels ----
 
 
 def frame(nosings_B: Any, **more: Any) -> ShownFrame:
@@ -205,7 +169,7 @@ GOLDEN = Transcript(Path(__file__).with_name("panels.txt"))
 def test_panels_show_what_their_golden_file_says(title: str) -> None:
     """Test: a state of the page, whose log says ``<stop>`` and ``<b>``. Expected: its panels; of a frame, the camera's alone."""
     session = STATES[title]()
-    shown = {"camera": camera_html} if session.feed.frames else PANELS
+    shown = {"camera": camera_html} if session.feed.frames else {"timeline": HTML.timeline} | PANELS
     GOLDEN.check(title, [line for name, panel in shown.items() for line in (f"# {name}", *PageText(panel(session)).lines)])
 
 
