@@ -39,7 +39,7 @@ FLAT_PHASES = ("search", "align", "approach", "mount", "traction", "back_off", "
 
 @dataclass
 class World:
-    """A chair that is told to drive on at a speed, whatever is ahead; distances are ahead of its mid-track at the start."""
+    """A chair that is driven on at a speed, whatever is ahead; distances are ahead of its mid-track at the start."""
 
     rng: np.random.Generator
     speed_m_s: float = 0.2
@@ -274,13 +274,13 @@ def test_a_step_that_the_maps_show_is_no_obstacle() -> None:
     """Test: frames that show the first riser as what stands ahead, and maps its nosing there. Expected: driven at; without maps
     the same frames hold the chair."""
 
-    class Riser(World):
+    class ShowsTheRiser(World):
         def frame(self, t_s: float, *, shows: bool) -> list[tuple[Any, bool]]:
             seen = super().frame(t_s, shows=shows)
             ahead = [(2.5 + k * 0.3 - self.x_m, 0.0, 0.16 * (k + 1)) for k in range(4)]
             return [*seen, (stair(t_s, ahead), False)] if self.sees == "both" else seen
 
     for sees, held in (("both", False), ("frames", True)):
-        world = Riser(np.random.default_rng(0), wall_m=2.5, phase="approach", sees=sees)
+        world = ShowsTheRiser(np.random.default_rng(0), wall_m=2.5, phase="approach", sees=sees)
         world.run((2.5 - FRONT_M) / 0.2)
         assert (world.held is not None) == held, world.held

@@ -398,17 +398,15 @@ class Event:
     t_s: float
     name: str
     """Name: ``hold``, ``rearmed``, ``slow``, ``resumed``, ``re-referenced``, ``vision_dim``, ``vision_clear``, ``seat_shifted``,
-    ``refused``, ``camera_mount``, ``imu_axes``, ``imu_tilt``, ``drop_unwatched``, ``map_unwatched``,
-    ``health_unwatched``, ``rearm_refused``, ``source``, ``dropped``, ``clock``,
-    ``guard_process``, or the phase entered; ``ended`` in a recording. Other publishers on the topic use other names."""
+    ``refused``, ``camera_mount``, ``imu_axes``, ``imu_tilt``, ``rejected``, ``rearm_refused``, ``drop_unwatched``, ``map_unwatched``,
+    ``health_unwatched``, ``source``, ``dropped``, ``clock``, ``guard_process``, or the phase entered; ``ended`` in a recording."""
     cause: str
     """Observation behind the event, with its value."""
 
 
 T = TypeVar("T")
 MEMORY_S = 3.0
-"""Greatest age of a message that is used, and length of what is remembered to place it [s]: one for both, because a message that is
-placed with a younger state moves what it shows. It is the guard's longest timeout (row 1 of the table of hazards)."""
+"""Greatest age of a message that is used, and of what is remembered to place it [s]: the guard's longest timeout (hazard row 1)."""
 
 
 class Recent(Generic[T]):

@@ -37,7 +37,7 @@ SEEN_M = 65.535
 """Largest distance that a depth image of 16-bit millimetres can hold [m]: no camera measures a place beyond."""
 
 MOST_NOSINGS = 100
-"""Largest number of nosings in a map: more than a camera sees within ``SEEN_M`` of the longest flights. Each costs time in a tick."""
+"""Largest number of nosings in a map: more than a camera sees of the longest flight. Each costs time in a tick."""
 
 
 def finite(*values: float) -> bool:

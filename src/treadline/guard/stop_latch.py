@@ -17,7 +17,7 @@ QUIET_S = 10.0
 
 
 class Rearm:
-    """Tells a person who re-arms from a key that is held on: re-arming is an act of its own.
+    """Distinguishes a person who re-arms from a key that is held on: re-arming is an act of its own.
 
     The re-arm button is pressed anew while the dead-man switch is held, so with another key; or both were released for ``ACT_S``
     since the hold began, as where one key is both.
@@ -61,8 +61,8 @@ class Latch:
         self._ramp = RampedStop(config)
         self._events: list[Event] = []
         self._slow = ""
-        self._told: dict[str, tuple[float, int]] = {}
-        """Of each kind of message that was rejected: when it was last told, and how many have been rejected since."""
+        self._rejected: dict[str, tuple[float, int]] = {}
+        """Of each kind of message that was rejected: when one was last reported, and how many have been rejected since."""
 
     def hold(self, t_s: float, stop: Stop, cause: str | None) -> None:
         """Latch a cause; a later cause is not latched, but an urgent one ends a ramped stop. None is no cause."""
@@ -102,13 +102,13 @@ class Latch:
         self._events.append(Event(t_s=t_s, name=name, cause=cause))
 
     def reject(self, t_s: float, cause: str) -> None:
-        """Report a rejected message, of each kind at most once in ``QUIET_S``, with the number of those that were not told."""
+        """Report a rejected message, of each kind at most once in ``QUIET_S``, with the number of those between."""
         kind = cause.split(maxsplit=1)[0]
-        told_s, count = self._told.get(kind, (-math.inf, 0))
-        if t_s - told_s < QUIET_S:
-            self._told[kind] = min(told_s, t_s), count + 1
+        reported_s, count = self._rejected.get(kind, (-math.inf, 0))
+        if t_s - reported_s < QUIET_S:
+            self._rejected[kind] = min(reported_s, t_s), count + 1
             return
-        self._told[kind] = t_s, 0
+        self._rejected[kind] = t_s, 0
         self.report(t_s, "rejected", cause + (f"; {count} more since" if count else ""))
 
     def take(self) -> list[Event]:

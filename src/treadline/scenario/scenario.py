@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -378,20 +378,17 @@ def is_sweep(path: Path) -> bool:
     return "\n[[draw]]" in path.read_text(encoding="utf-8")
 
 
-def chair_of_run(settings: Mapping[str, object], where: str) -> ChairDescription:
+def chair_of_run(settings: Mapping[str, Any], where: str) -> ChairDescription:
     """Return the chair of a run's manifest: of its scenario, of the log that was replayed, or of a real chair's robot file.
 
     Raises:
         SettingsError: If the settings name no chair.
     """
-    scenario = settings
     match settings:
         case {"robot": {"mission": {"chair": str(name)}}}:
             return read_chair(name)
         case {"robot": _}:
             raise SettingsError(f"{where}.robot names no chair; make the run again")
-        case {"replay": _, "scenario": dict(of_log)}:
-            scenario = of_log
-        case {"replay": _}:  # of a log without a manifest, the chair is the default
-            scenario = {}
+    # Of a log without a manifest, the chair is the default.
+    scenario = settings.get("scenario") or {} if "replay" in settings else settings
     return settings_of(scenario, Scenario, where=where).read_chair()
