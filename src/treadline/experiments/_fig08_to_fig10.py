@@ -29,6 +29,7 @@ from treadline.experiments.plan import (
     Friction,
     Ground,
     ReproducePlan,
+    excitation,
     straight,
     suffix_of,
     text_of,
@@ -61,7 +62,7 @@ def straight_jobs(plan: ReproducePlan, controller: ControllerDesign | None, runs
         RunJob(
             name=f"straight-{slope}-{loop}",
             title=f"Fig. 9, {slope}°, {loop} loop",
-            scenario=straight(slope, loop, paper.FIG9_DURATION_S),
+            scenario=straight(slope, loop, plan.straight_s),
             seed=plan.seeds[0],
             controller=controller,
             runs=runs,
@@ -78,7 +79,7 @@ def turn_jobs(plan: ReproducePlan, controller: ControllerDesign, runs: Path, all
     for friction, slope, start, seed in itertools.product(plan.frictions, plan.slopes_deg, STARTS_DEG, plan.seeds):
         rendered = friction == PAPER_FRICTION
         first = allocation == "climb-safe" and rendered and slope == FIG10_SLOPE and seed == plan.seeds[0]
-        scenario = turn(slope, start, paper.FIG10_DURATION_S, allocation=allocation, friction=friction)
+        scenario = turn(slope, start, plan.turn_s, allocation=allocation, friction=friction)
         labels = {
             "kind": kind,
             "slope_deg": slope,
@@ -192,11 +193,13 @@ class ExciteJob:
     """One recording of random track speeds."""
 
     ground: Ground
+    samples: int
     seed: int
     runs: Path
     """Folder of the run folders."""
     image_every: int
-    scenario: Scenario
+    scenario: Scenario | None
+    """Scenario of the run; None for the excitation scenario of the ground."""
     open_plant: Opener | PlantName = "mujoco"
 
     @property
@@ -212,9 +215,9 @@ class ExciteJob:
     def run(self) -> "Recorded":
         """Drive; return the job and its record."""
         excited = excite(
-            self.scenario,
+            self.scenario or excitation(self.ground),
             folder=self.runs / self.name,
-            samples=paper.SAMPLES,
+            samples=self.samples,
             period_s=PERIOD_S,
             seed=self.seed,
             image_every=self.image_every,

@@ -80,7 +80,7 @@ def job(plan: ReproducePlan, runs: Path) -> RunJob:
     return RunJob(
         name="literal-28",
         title="Eq. (13) as printed, 28°, from +30°",
-        scenario=as_printed_turn(paper.FIG10_DURATION_S),
+        scenario=as_printed_turn(plan.turn_s),
         seed=plan.seeds[0],
         controller=paper_controller(TABLE_SPEED_M_S),
         runs=runs,

@@ -1,4 +1,4 @@
-"""What ``reproduce`` runs: slopes, friction, starts and seeds. A quick plan has fewer items.
+"""What ``reproduce`` runs: slopes, friction, starts, seeds and durations. A quick plan has fewer items.
 
 Two frictions: Table I's (0.62 along the belt, 0.5 across), with which no belt difference turns a chair that is square to a stair of
 28° or 30° (the dead zone), and 0.9/0.5, rubber that grips better along than across, with which it turns everywhere. The model is
@@ -69,7 +69,7 @@ GROUNDS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReproducePlan:
-    """Extent of a reproduction: slopes, seeds and grounds."""
+    """Extent of a reproduction: slopes, seeds, grounds and durations."""
 
     quick: bool
     """Whether the plan has the shortest list of items: no straight climbs, no turns with roll-back allowed, no lugs."""
@@ -79,6 +79,9 @@ class ReproducePlan:
     """Grounds of the excitations; the controller is tuned on the first."""
     frictions: tuple[Friction, ...]
     """Friction coefficients of Table II."""
+    samples: int
+    straight_s: float
+    turn_s: float
 
 
 FIG10_SLOPE = int(paper.FIG10_SLOPE_DEG)
@@ -88,6 +91,9 @@ WHOLE = ReproducePlan(
     seeds=(0, 1),
     grounds=GROUNDS,
     frictions=FRICTIONS,
+    samples=paper.SAMPLES,
+    straight_s=paper.FIG9_DURATION_S,
+    turn_s=paper.FIG10_DURATION_S,
 )
 QUICK = replace(WHOLE, quick=True, slopes_deg=(FIG10_SLOPE,), seeds=(0,), grounds=(CONTROLLER_GROUND,), frictions=(PAPER_FRICTION,))
 

@@ -120,11 +120,12 @@ def excitations(plan: ReproducePlan, runs: Path) -> list[ExciteJob]:
     return [
         ExciteJob(
             ground=ground,
+            samples=plan.samples,
             seed=seed,
             runs=runs,
             image_every=50 if ground == CONTROLLER_GROUND and seed == FIT_SEED else 0,
             # The controller is identified with rendered frames; the other grounds need none.
-            scenario=excitation(ground) if ground == CONTROLLER_GROUND else without_images(excitation(ground)),
+            scenario=None if ground == CONTROLLER_GROUND else without_images(excitation(ground)),
         )
         for ground in plan.grounds
         for seed in ((FIT_SEED,) if plan.quick else (FIT_SEED, FRESH_SEED))
