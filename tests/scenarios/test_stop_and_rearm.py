@@ -35,7 +35,7 @@ def ride(place: str, stopped_s: float) -> Traverse:
         pytest.param("floor", "align", 0.5, False, id="turning square"),
         pytest.param("floor", "traction", 19.5, False, id="testing the traction"),
         pytest.param("flight", "crest", 12.6, False, id="reaching for the landing"),
-        pytest.param("flight", "crest", 22.2, True, id="led down over the crest"),
+        pytest.param("flight", "crest", 21.4, True, id="led down over the crest"),
         pytest.param("landing", "edge", 14.5, True, id="lifted at the edge"),
         pytest.param("landing", "leave", 29.6, False, id="leaving"),
     ],

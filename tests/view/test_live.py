@@ -140,7 +140,7 @@ def test_stop_holds_and_rearm_goes_on() -> None:
 
 def test_a_released_dead_man_switch_holds_and_an_unattended_run_then_ends() -> None:
     found = of(seed=1, script=((50, Handset(dead_man=False)),)).recording
-    assert found.outcome == "held: operator stop"
+    assert found.outcome == "held: the dead-man switch is released"
     assert found.duration_s < 1.0
 
 

@@ -13,7 +13,7 @@ from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import LogFormatError
 from treadline.core.models import ControllerDesign
 from treadline.core.rotations import rotation_of
-from treadline.io.message_types import nanoseconds_of
+from treadline.io.message_types import nanoseconds_of, store
 from treadline.io.runs import LOG
 from treadline.io.scene_messages import compressed_message
 from treadline.perception.overlay import as_jpeg
@@ -146,7 +146,7 @@ def write_bag(path: Path, *, compressed: bool) -> None:
                 continue
             image = compressed_message("/camera/image/compressed", t_s, "camera_optical_frame", as_jpeg(rgb, 32))
             topic, kind = image.topic, image.kind
-            connection = bag._connections.get(topic) or bag._writer.add_connection(topic, kind, typestore=bag._store)
+            connection = bag._connections.get(topic) or bag._writer.add_connection(topic, kind, typestore=store(ros1=False))
             bag._connections[topic] = connection
             bag._writer.write(connection, nanoseconds_of(t_s), image.encoded())
     bag.close()

@@ -26,7 +26,7 @@ from treadline.core.signals import (
     TrackReading,
     VelocityCommand,
 )
-from treadline.guard import Guard, GuardConfig, ReadingAdmission
+from treadline.guard import SILENCE_S, Guard, GuardConfig, ReadingAdmission
 from treadline.io.messages import topic_of
 from treadline.mission import CameraBlock, Detector, DriverBlock, SeatBlock, SeatLeveller
 from treadline.mission.belt_controllers import Driver
@@ -39,8 +39,7 @@ from treadline.vehicle.linkage import SeatLinkage
 ODOM_TICKS = 5
 """Ticks between two odometry messages: 20 Hz."""
 REPEAT_S = 1.0
-"""Interval at which mounts and health are published again: a message may be lost, and a transport may not keep it for later
-subscribers."""
+"""Interval at which mounts are published again [s]: a message may be lost, and not kept for later subscribers."""
 
 
 @runtime_checkable
@@ -179,7 +178,7 @@ class HeadingNode(_AdmittingNode):
         self._subscribe(transport, on.FLIPPER, lambda flipper: self._joints.update(flipper_joint=flipper.angle_rad))
 
     def tick(self, t_s: float) -> None:
-        """Publish the filter's health where it has changed, and health and mounts at their interval."""
+        """Publish the filter's health where it has changed and often enough for the guard, which awaits it, and the mounts."""
         self.advance(t_s)
         if self._mount is not None and t_s - self._mounts_s >= REPEAT_S:
             self._mounts_s = t_s
@@ -188,7 +187,7 @@ class HeadingNode(_AdmittingNode):
         if health is None:
             return
         content = (health.fault, health.since_s, health.cause)
-        if content != self._last_health or t_s - self._health_s >= REPEAT_S:
+        if content != self._last_health or t_s - self._health_s >= SILENCE_S / 3.0:
             self._last_health, self._health_s = content, t_s
             self._publish(on.HEALTH, health)
 
