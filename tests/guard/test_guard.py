@@ -408,6 +408,31 @@ def test_a_mission_clock_that_leaps_back_or_is_no_number_holds() -> None:
 # Row 11
 
 
+def test_a_mission_clock_that_stands_still_holds() -> None:
+    """Test: ticks at one time. Expected result: HOLD within 0.3 s of wall time, at 100 ticks a second."""
+    drive = Drive().run(1.0)
+    ticks = next(k for k in range(100) if drive.guard.step(drive.t_s, estimate(drive.t_s)) and drive.guard.holding is not None)
+    assert ticks <= 31
+    assert "mission clock stands still" in str(drive.guard.holding)
+
+
+def test_what_no_camera_and_no_planner_says_is_rejected_and_reported_once() -> None:
+    """Test: a map of 3,000 nosings, a direction and a phase that do not exist, each ten times. Expected result: none is used, and
+    each kind is reported once in ten seconds, then with the number between."""
+    guard, odd = begun(), "sideways"
+    for k in range(10):
+        t_s = 1.01 + 0.01 * k
+        guard.advance(t_s)
+        plan: Any = MotionPlan(t_s=t_s, phase=odd, speed_m_s=0.2)  # type: ignore[arg-type]
+        assert not guard.on_message(plan)
+        assert not guard.on_message(stair(t_s, [0.1 * n for n in range(3000)]) if k % 2 else stair(t_s, [1.0], direction=odd))
+    causes = [event.cause for event in guard.take_events() if event.name == "rejected"]
+    assert causes == ["MotionPlan has an unknown phase 'sideways'", "StairMap leads 'sideways', neither up nor down"]
+    guard.advance(12.0)
+    assert not guard.on_message(stair(12.0, [0.1 * n for n in range(3000)]))
+    assert [event.cause for event in guard.take_events()] == ["StairMap holds 3000 nosings; 9 more since"]
+
+
 def test_a_driver_that_is_late_ramps_down_and_holds_after_three_periods() -> None:
     """Test: no command after 1.0 s. Expected result: full speed for 1.5 periods, half of it at 2.25, HOLD beyond 3."""
     drive = Drive().run(1.01)
