@@ -6,6 +6,7 @@ Mutations put hostile numbers, words and bytes in place of those of a sound file
 import os
 import re
 import shutil
+import time
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import redirect_stderr, redirect_stdout
@@ -44,13 +45,16 @@ Mutate = Callable[[bytes, np.random.Generator], bytes]
 def mutated_text(data: bytes, rng: np.random.Generator) -> bytes:
     """Return a text with one to three numbers, words, lines or bytes changed."""
     for _ in range(int(rng.choice([1, 1, 1, 2, 3]))):
-        kind = rng.choice(["number", "word", "lines", "bytes"], p=[0.7, 0.1, 0.1, 0.1])
+        kind = rng.choice(["number", "word", "lines", "bytes", "long"], p=[0.6, 0.1, 0.1, 0.1, 0.1])
         tokens = [token for token in TOKEN.finditer(data) if kind == "word" or token.group()[:1] in b"-0123456789"]
         if kind == "lines":
             lines = data.split(b"\n")
             i, j = rng.integers(0, len(lines), 2).tolist()
             lines[i : i + 1] = [[], [lines[i], lines[j]], [lines[j]]][int(rng.integers(3))]
             data = b"\n".join(lines)
+        elif kind == "long":  # what takes a time that grows faster than the file
+            place = int(rng.integers(0, len(data) + 1))
+            data = data[:place] + bytes(rng.choice([*b'[("-0, \t'], 1).tolist()) * 20_000 + data[place:]
         elif kind == "bytes" or not tokens:
             data = mutated_bytes(data, rng)
         else:
@@ -212,7 +216,7 @@ def findings(reader: Reader, folder: Path, count: int) -> Iterator[str]:
     whole = path.read_bytes()
     for seed in range(count):
         path.write_bytes(reader.mutate(whole, np.random.default_rng(seed)))
-        said = StringIO()
+        said, began_s = StringIO(), time.process_time()
         with redirect_stdout(StringIO()), redirect_stderr(said), warnings.catch_warnings(record=True) as warned:
             warnings.simplefilter("always")
             try:
@@ -221,6 +225,8 @@ def findings(reader: Reader, folder: Path, count: int) -> Iterator[str]:
                 said.write(f"treadline: {error}\n")
             except Exception as error:  # noqa: BLE001 - any of them is a finding
                 yield f"{seed}: {type(error).__name__}: {error}"
+        if (took_s := time.process_time() - began_s) > 5.0:
+            yield f"{seed}: {took_s:.1f} s"
         yield from (f"{seed}: {warning.category.__name__}: {warning.message}" for warning in warned)
         if not re.fullmatch(r"((treadline|warning): [^\n]+\n)?", said.getvalue()):
             yield f"{seed}: {said.getvalue()}"

@@ -6,7 +6,6 @@ rows become rows of NaN instead of interpolated values.
 """
 
 import math
-import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -124,7 +123,12 @@ def alike_of(name: str, there: Sequence[str]) -> list[int]:
 
 def _bare(name: str) -> str:
     """Return a name without a unit in brackets; a number in brackets is an element."""
-    return re.sub(r"\s*[\[(](?!\d+[\])]$)[^\])]*[\])]$", "", name.strip())
+    name = name.strip()
+    alike = name.replace("(", "[").replace(")", "]")
+    begins = alike.find("[", alike.rfind("]", 0, -1) + 1)
+    if begins < 0 or not alike.endswith("]") or alike[begins + 1 : -1].isdecimal():
+        return name
+    return name[:begins].rstrip()
 
 
 def missing(file: Path, name: str, there: Iterable[str]) -> LogFormatError:
