@@ -181,7 +181,7 @@ def test_the_chair_follows_the_keys_while_the_dead_man_switch_is_held(driving: A
     keys().key_down(Keys.SHIFT).perform()
     driving.until(lambda: drives_from(driving, start_m), "a chair that drives", SLOWLY_DRAWN_S)
     keys().key_up(Keys.SHIFT).perform()
-    driving.sees("HOLD since .*\n?.*operator stop")
+    driving.sees("HOLD since .*\n?.*dead-man switch is released")
     place_at_rest(driving, within_m=0.03)  # the page shows the hold 0.1 s before the belts rest
     keys().key_up("w").perform()
 
@@ -194,7 +194,7 @@ def test_the_chair_follows_a_gamepad_while_its_shoulder_button_is_held(driving: 
     driving.run(PUSHED, True)
     driving.until(lambda: drives_from(driving, start_m), "a chair that drives", SLOWLY_DRAWN_S)
     driving.run(PUSHED, False)
-    driving.sees("HOLD since .*\n?.*operator stop")
+    driving.sees("HOLD since .*\n?.*dead-man switch is released")
 
 
 def test_a_narrow_page_shows_scene_and_stop(page: Any, live: str) -> None:
