@@ -57,12 +57,13 @@ class AheadMonitor:
         """
         _show(self._in_maps, stair.obstacle_m, travel_m)
         gap = gap_between(places, self._config.track_span_m)
-        is_near = gap is not None and gap[0] <= NEAR_M
+        if gap is not None and gap[0] > NEAR_M:
+            gap = None
         # A gap that is out of view is kept; it is in view while the nosing before it is.
         from_m, to_m = (travel_m + places[k][0] - SAME_M for k in (0, -1)) if places else (math.inf, -math.inf)
         self._gaps.forget(travel_m + self._lead_m - self._config.track_span_m)
-        self._gaps.look([travel_m + gap[0]] if gap is not None and is_near else [], from_m, to_m)
-        if gap is not None and is_near:
+        self._gaps.look([] if gap is None else [travel_m + gap[0]], from_m, to_m)
+        if gap is not None:
             self._width_m = gap[1]
         if places:
             first_m, last_m = travel_m + places[0][0], travel_m + places[-1][0]

@@ -3,8 +3,8 @@
 ``reading -> bool``, whether it may be used; ``plan, health, map, proposals -> Commands`` at each tick.
 
 One rule for the stamp of every message (``_stamps``), physical bounds of what messages say (``_bounds``): a message that breaks
-either is rejected and counted, and an event reports the first of each series. What must speak is awaited from the first tick, and
-again after each re-arm. The guard computes with plain numbers.
+either is rejected and counted, and an event reports each kind once in ten seconds. What must speak is awaited from the first tick,
+and again after each re-arm. The guard computes with plain numbers.
 """
 
 import math
@@ -89,6 +89,8 @@ class Guard:
         limits = (config.belt_limit_m_s, config.seat_rate_m_s, config.flipper_rate_rad_s)
         drives = [name for name, limit in zip(SOURCES.values(), limits, strict=True) if limit is not None]
         self._drives = SilenceMonitor(config.silence_s, "readings of the ", drives)
+        self._silences = (self._plans, self._processes, self._drives, self._estimates, self._healths)
+        """Monitors of what must speak, but for the operator's link: a silent one refuses a re-arm, which starts them anew."""
         self._sources: dict[type, tuple[SilenceMonitor, str]] = {
             **{kind: (self._drives, name) for kind, name in SOURCES.items()},
             **({MotionPlan: (self._plans, "plan")} if config.has_planner else {}),
@@ -347,7 +349,7 @@ class Guard:
 
     def _rearm(self, t_s: float) -> None:
         """End the hold, unless the last re-arm was just now, or what must speak is silent: the chair would be held again."""
-        silent = (silence.cause(t_s) for silence in (self._plans, self._processes, self._drives, self._estimates, self._healths))
+        silent = (silence.cause(t_s) for silence in self._silences)
         against = next((cause for cause in silent if cause is not None), None)
         if t_s - self._rearmed_s < AGAIN_S:
             against = f"the last re-arm was {t_s - self._rearmed_s:.1f} s ago"
@@ -366,7 +368,7 @@ class Guard:
         self._stand(t_s)
         self._admission.stamps.restart()
         self._senses.restart(t_s, self._belts.travel.travel_m)
-        for silence in (self._link, self._plans, self._processes, self._drives, self._estimates, self._healths):
+        for silence in (self._link, *self._silences):
             silence.restart(t_s)
         for watch in (self._maps, self._belts, self._slip, self._blind, self._tilt, self._seat):
             watch.forget()
@@ -474,16 +476,14 @@ class Guard:
     @property
     def _unwatched(self) -> tuple[tuple[bool, str, str], ...]:
         """What a block may send, whether it is awaited, and what is not watched without it."""
-        limits = self._config
-        blind = limits.needs_heading
+        limits, is_open_loop = self._config, not self._config.needs_heading
+        drop = "the camera does not report where the ground ends: no stop before a drop"
+        stair = "the detector sends no maps: no stop before what stands on the flight, or a gap"
+        health = "the estimator does not report its health: no hold for a gyro that errs"
         return (
-            (limits.awaits_ground, "drop", "the camera does not report where the ground ends: no stop before a drop"),
-            (
-                limits.awaits_map or not blind,
-                "map",
-                "the detector sends no maps: no stop before what stands on the flight, or a gap",
-            ),
-            (limits.awaits_health or not blind, "health", "the estimator does not report its health: no hold for a gyro that errs"),
+            (limits.awaits_ground, "drop", drop),
+            (limits.awaits_map or is_open_loop, "map", stair),
+            (limits.awaits_health or is_open_loop, "health", health),
         )
 
     def _alarms(self, t_s: float) -> Iterator[tuple[Stop, str | None]]:

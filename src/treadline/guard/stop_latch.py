@@ -10,8 +10,6 @@ ACT_S, HELD_S, AGAIN_S = 0.75, 0.5, 1.0
 """Shortest release of the dead-man switch after which pressing it again is meant, age of a hold from which a press answers it, and
 time between two re-arms [s]. A terminal over a slow link pauses the repeats of a held key for up to 0.6 s; a person answers what
 has happened after half a second; and a button that bounces at 10 Hz drives a chair by 20 mm each time."""
-
-
 QUIET_S = 10.0
 """Time in which one kind of rejected message is reported once [s]: a person reads an event, not a thousand."""
 

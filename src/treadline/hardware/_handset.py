@@ -46,7 +46,7 @@ class Keyboard:
     """Keys of the terminal as a dead-man switch: a held key repeats, and the chair may move while it does.
 
     ``r`` re-arms and drives the mission; ``w``, ``s``, ``a`` and ``d`` re-arm and drive on the bench; ``e`` is "this is the end",
-    ``b`` is "go back"; every other key, and none, stops.
+    ``b`` is "go back"; every other key, and none, stops. A key re-arms after it was released for 0.75 s (``guard.stop_latch``).
     """
 
     def __init__(self, descriptor: int = 0) -> None:
