@@ -21,9 +21,13 @@ from treadline.core.signals import (
     HeadingMeasurement,
     ImuSample,
     StairMap,
+    TrackCommand,
     TrackReading,
 )
 from treadline.guard import GuardConfig
+from treadline.guard._belt_travel import BeltTravel
+from treadline.guard._frame_monitor import FrameMonitor
+from treadline.guard._known import Known
 from treadline.mission.mission_config import MissionConfig
 from treadline.scenario.chair import read_chair
 
@@ -127,6 +131,15 @@ def limits(**changes: Any) -> GuardConfig:
         "has_planner": False,
     }
     return GuardConfig(**{**values, **changes})
+
+
+def known(config: GuardConfig, *, speed_m_s: float = 0.0, travel_m: float = 0.0, **values: Any) -> Known:
+    """Return what a guard knows at a tick, of a chair that is asked for a speed after a way."""
+    travel = BeltTravel(config.silence_s)
+    travel.travel_m = travel_m
+    passed = TrackCommand(t_s=0.0, left_m_s=speed_m_s, right_m_s=speed_m_s)
+    frames = FrameMonitor(config)
+    return Known(config=config, frames=frames, travel=travel, report=lambda *_: None, passed=passed, **values)
 
 
 def truth(t_s: float, **values: float) -> Truth:

@@ -4,10 +4,11 @@ import math
 from dataclasses import replace
 
 import pytest
+from drive import Drive, spoils
 from world import limits
 
-from treadline.core.signals import FlipperCommand, OperatorInput, PlantState, SeatCommand, TrackCommand
-from treadline.guard import Guard, LastGuard
+from treadline.core.signals import FlipperCommand, OperatorInput, SeatCommand, TrackCommand
+from treadline.guard import LastGuard
 
 SILENT_S = 0.3
 """Stated time without a command after which the plant brakes [s] (GUARD §2, rule 6)."""
@@ -143,18 +144,16 @@ def test_rates_of_seat_and_flipper_end_with_their_validity() -> None:
 def test_the_guard_holds_for_what_the_plant_says_and_after_a_re_arm_only_if_it_lasts() -> None:
     """Test: the plant reports its brake, a person re-arms, and a report under way arrives. Expected result: HOLD with the plant's
     reason; the late report is ignored for 0.125 s, a lasting one holds again. A recording's plant is not held."""
-    guard, recorded = Guard(limits(ahead_s=0.125)), Guard(limits(watches_motion=False))
-    for watched in (guard, recorded):
-        watched.advance(1.0)
-        watched.admit(PlantState(t_s=1.0, fault="no command for 0.31 s"))
-    assert guard.holding == "the plant braked by itself: no command for 0.31 s"
-    assert recorded.holding is None
-    guard.advance(2.0)
-    guard.admit(OperatorInput(t_s=2.0, rearm=True))
-    assert guard.holding is None
-    guard.advance(2.125)
-    guard.admit(PlantState(t_s=2.125, fault="no command for 0.31 s"))
-    assert guard.holding is None
-    guard.advance(2.2)
-    guard.admit(PlantState(t_s=2.2, fault="no power"))
-    assert guard.holding == "the plant braked by itself: no power"
+    fault = spoils("plant", fault="no command for 0.31 s")
+    drive, recorded = Drive(ahead_s=0.125), Drive(watches_motion=False)
+    for driven in (drive, recorded):
+        driven.run(1.0)
+        driven.spoil = fault
+        driven.run(0.02)
+    assert drive.guard.holding == "the plant braked by itself: no command for 0.31 s"
+    assert recorded.guard.holding is None
+    drive.heal()
+    drive.run(1.0).press(rearm=True)
+    drive.spoil = fault
+    assert drive.run(0.12).guard.holding is None
+    assert drive.run(0.03).guard.holding is not None

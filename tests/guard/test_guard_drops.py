@@ -4,7 +4,8 @@ import math
 from typing import Any
 
 import pytest
-from world import limits, stair
+import world
+from world import estimate, limits, stair
 
 from treadline.core.signals import FreeGround, MotionPlan
 from treadline.guard._drop_monitor import DropMonitor
@@ -38,7 +39,9 @@ class Chair:
 
     def cause(self, speed_m_s: float, phase: Any = "search") -> str | None:
         plan = MotionPlan(t_s=self.t_s, phase=phase, speed_m_s=speed_m_s)
-        return self.monitor.cause(self.t_s, self.travel_m, speed_m_s, plan, self.heading_rad)
+        seen = None if math.isinf(self.heading_rad) else estimate(self.t_s, self.heading_rad)
+        values: dict[str, Any] = {"t_s": self.t_s, "plan": plan, "estimate": seen}
+        return self.monitor.cause(world.known(limits(), speed_m_s=speed_m_s, travel_m=self.travel_m, **values))
 
     def goes(self, speed_m_s: float, phase: Any = "search", within_m: float = 3.0) -> float:
         """Return the travel in one direction until the monitor objects, at most ``within_m``."""

@@ -261,7 +261,7 @@ def test_what_a_block_declares_and_never_sends_is_held_for(lacks: type, words: s
     assert next(event.t_s for event in world.events if event.name == "hold") <= within_s
     guard = Guard(limits())
     guard.step(0.0, None)
-    assert [event.name for event in guard.take_events()] == ["drop_unwatched", "map_unwatched", "health_unwatched"]
+    assert [event.name for event in guard.take_events()] == ["health_unwatched", "map_unwatched", "drop_unwatched"]
 
 
 def test_maps_that_name_the_other_direction_hide_no_obstacle() -> None:

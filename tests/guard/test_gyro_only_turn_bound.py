@@ -4,7 +4,7 @@ import math
 from functools import partial
 
 import pytest
-from world import limits
+from world import known, limits
 
 from treadline.core.angles import DEG
 from treadline.core.signals import MotionPlan
@@ -51,7 +51,7 @@ def test_belts_far_apart_count_no_faster_than_a_gyro_may_drift(sign: float, apar
     """Test: belts that differ by 0.01, 0.02 and 0.5 m/s on the flight. Expected: a cause after 3° at 0.88, 1.5 and 1.5 °/s."""
     watch = GyroOnlyTurn(limits())
     t_s = 0.0
-    while watch.cause is None:
+    while watch.cause(known(limits())) is None:
         t_s += 1 / 64
         watch.update_belts(t_s, sign * apart_m_s, CLIMB)
         assert t_s < 10.0

@@ -5,7 +5,7 @@ answers.
 """
 
 from treadline.core.signals import FrameQuality, FreeGround, HeadingMeasurement, StairMap, TrackReading
-from treadline.guard._belt_monitor import BeltTravel
+from treadline.guard._belt_travel import BeltTravel
 from treadline.guard._bounds import fault_of
 from treadline.guard._frame_monitor import FrameMonitor
 from treadline.guard._guard_config import GuardConfig

@@ -4,29 +4,35 @@ import math
 from collections.abc import Sequence
 
 from treadline.core.angles import DEG, tilt_of
-from treadline.core.signals import ROUNDING_S
+from treadline.core.signals import ROUNDING_S, ImuSample, SeatReading
 from treadline.guard._guard_config import GuardConfig
+from treadline.guard._known import Known, Monitor
 from treadline.guard._lasting import Lasting
+from treadline.guard._stamps import Stamped
 
 
-class TiltMonitor:
+class TiltMonitor(Monitor):
     """Compares pitch, roll and pitch rate of the chair with their limits."""
 
     def __init__(self, config: GuardConfig) -> None:
-        self._config = config
+        super().__init__(config)
         self._lasting = Lasting(config.imu_timeout_s, config.ahead_s)
-        self.cause: str | None = None
+
+    def hear(self, message: Stamped, known: Known) -> None:
+        """Update with one IMU sample."""
+        if isinstance(message, ImuSample):
+            self.update(message.t_s, message.orientation, -message.angular_velocity_rad_s[1])
 
     def update(self, t_s: float, orientation: Sequence[float], pitch_rate_rad_s: float) -> None:
         """Update with one sample: attitude quaternion (w, x, y, z) and pitch rate [rad/s], positive front up."""
         fault = self._fault(orientation, pitch_rate_rad_s)
         if self._lasting.update(t_s, beyond=fault is not None):
-            self.cause = fault
+            self._cause = fault
 
-    def forget(self) -> None:
-        """Reset the monitor."""
+    def restart(self, known: Known) -> None:
+        """Start again."""
+        super().restart(known)
         self._lasting.forget(math.inf)
-        self.cause = None
 
     def _fault(self, orientation: Sequence[float], pitch_rate_rad_s: float) -> str | None:
         limits = self._config
@@ -40,7 +46,7 @@ class TiltMonitor:
         return None
 
 
-class SeatMonitor:
+class SeatMonitor(Monitor):
     """Compares the seat's pitch over time with its limit.
 
     A decrease of the error by ``level_rad`` starts the time again, as the seat is being levelled. An increase holds at once: the
@@ -48,9 +54,13 @@ class SeatMonitor:
     """
 
     def __init__(self, config: GuardConfig) -> None:
-        self._config = config
+        super().__init__(config)
         self._since: tuple[float, float] | None = None
-        self.cause: str | None = None
+
+    def hear(self, message: Stamped, known: Known) -> None:
+        """Update with one reading of the seat."""
+        if isinstance(message, SeatReading):
+            self.update(message.t_s, message.pitch_rad)
 
     def update(self, t_s: float, pitch_rad: float) -> None:
         """Update with the seat's pitch [rad]; zero is horizontal."""
@@ -60,8 +70,9 @@ class SeatMonitor:
         elif self._since is None or error < self._since[1] - self._config.level_rad:
             self._since = (t_s, error)
         elif error > self._since[1] + self._config.level_rad or t_s - self._since[0] >= self._config.seat_s - ROUNDING_S:
-            self.cause = f"seat is {pitch_rad / DEG:.1f}° off level for {t_s - self._since[0]:.1f} s"
+            self._cause = f"seat is {pitch_rad / DEG:.1f}° off level for {t_s - self._since[0]:.1f} s"
 
-    def forget(self) -> None:
-        """Reset the monitor."""
-        self._since = self.cause = None
+    def restart(self, known: Known) -> None:
+        """Start again."""
+        super().restart(known)
+        self._since = None

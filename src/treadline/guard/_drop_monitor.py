@@ -8,10 +8,12 @@ the same distance from ground that goes out of sight within the camera's range, 
 import math
 
 from treadline.core.angles import DEG
-from treadline.core.signals import FreeGround, MotionPlan, Phase, StairMap
+from treadline.core.signals import FreeGround, ImuSample, Phase, StairMap
 from treadline.guard._guard_config import FLIGHT, SAME_M, GuardConfig
+from treadline.guard._known import Known, Monitor
 from treadline.guard._obstacle_monitor import NEAR_M, OBSTACLE_COUNT
 from treadline.guard._sightings import Sightings
+from treadline.guard._stamps import Stamped
 
 FLAT_RAD = 5.0 * DEG
 """Largest pitch of a chair on a floor, a landing or a ramp [rad]: ramps for wheelchairs rise by 1:12, 4.8°, and no flight is
@@ -150,16 +152,26 @@ class _Ground:
         return self._nosing_count >= EDGE_MAPS and abs(self._nosing_m - self.end_m) < SAME_M
 
 
-class DropMonitor:
-    """Ground in both directions."""
+class DropMonitor(Monitor):
+    """Ground in both directions; a re-arm forgets none."""
 
     def __init__(self, config: GuardConfig) -> None:
-        self._config = config
+        super().__init__(config)
         self._pulley_m = 0.5 * config.track_span_m
         self._ground = {1.0: _Ground(), -1.0: _Ground()}
         """By viewing direction: 1 forwards, -1 backwards."""
         self._flat_s: float | None = None
         """Time since which the chair has been on flat ground; None on a flight."""
+
+    def hear(self, message: Stamped, known: Known) -> None:
+        """Update with an IMU sample, the ground of one frame or a map."""
+        match message:
+            case ImuSample():
+                self.update_motion(message.t_s, message.pitch_rad)
+            case FreeGround():
+                self.look(message, known.travel.at(message.t_s)[0])
+            case StairMap():
+                self.look_on_stair(message, known.travel.at(message.t_s)[0])
 
     def update_motion(self, t_s: float, pitch_rad: float) -> None:
         """Update with the pitch of one IMU sample."""
@@ -190,16 +202,9 @@ class DropMonitor:
             is_level = self._flat_s is not None and (is_hidden or abs(z_m) < 0.5 * stair.rise_m)
             behind.look_on_stair(inner_m if is_hidden else next_m, self._config.rear_m, is_level=is_level)
 
-    def cause(self, t_s: float, travel_m: float, speed_m_s: float, plan: MotionPlan | None, heading_rad: float) -> str | None:
-        """Return why the chair may not go on over flat ground; None if it may, or if it is on a flight.
-
-        Args:
-            t_s: Time of the tick.
-            travel_m: Belt travel, negative backwards.
-            speed_m_s: Commanded mean belt speed.
-            plan: Latest plan, if any.
-            heading_rad: Heading; infinite if unknown.
-        """
+    def cause(self, known: Known) -> str | None:
+        """Return why the chair may not go on over flat ground; None if it may, or if it is on a flight."""
+        travel_m, speed_m_s, plan, heading_rad = known.travel.travel_m, known.mean_m_s, known.followed, known.heading_rad
         for way, ground in self._ground.items():
             under_m, length_m, square_rad = way * travel_m + self._pulley_m, 2.0 * self._pulley_m, self._config.square_rad
             ground.drive(under_m, length_m, heading_rad, square_rad, on_flight=self._flat_s is None)
@@ -217,7 +222,7 @@ class DropMonitor:
             ends = "the ground ends" if ground.is_drop else "no ground is seen beyond"
             return f"{ends} {ends_m:.2f} m from the belts' leading pulley"
         # A chair that has just come down onto flat ground has not seen it yet.
-        if self._flat_s is not None and known_m < stopping_m and t_s - self._flat_s > self._config.silence_s:
+        if self._flat_s is not None and known_m < stopping_m and known.t_s - self._flat_s > self._config.silence_s:
             side = "ahead of" if way > 0.0 else "behind"
             return f"the ground {max(known_m, 0.0):.2f} m {side} the belts was neither seen nor driven over"
         return None

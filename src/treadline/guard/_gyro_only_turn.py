@@ -8,8 +8,10 @@ from collections import deque
 from collections.abc import Sequence
 
 from treadline.core.angles import DEG, tilt_of
-from treadline.core.signals import HeadingEstimate, MotionPlan
+from treadline.core.signals import HeadingMeasurement, ImuSample, MotionPlan, TrackReading
 from treadline.guard._guard_config import FLIGHT, OVER, GuardConfig
+from treadline.guard._known import Known, Monitor
+from treadline.guard._stamps import Stamped
 
 OVER_SHARE = 0.26
 """Share of the turn of belts that do not skid, over one nosing: measured with a drifting gyro on 0.62/0.5 at 22°; 0.03 to 0.47 at
@@ -21,18 +23,27 @@ SMOOTHING_S = 0.2
 """Time constant of the pitch rate filter [s]."""
 
 
-class GyroOnlyTurn:
+class GyroOnlyTurn(Monitor):
     """Turn by the belts within ``blind_turn_s``, since the last heading measured by the camera."""
 
     def __init__(self, config: GuardConfig) -> None:
-        self._config = config
+        super().__init__(config)
         self.t_s = 0.0
         """Time of the last belt reading [s]."""
         self._pitch_rad = self._swing_rad_s = 0.0
         self._imu_s: float | None = None
         self._turned_rad = 0.0
         self._window: deque[tuple[float, float]] = deque()
-        self.cause: str | None = None
+
+    def hear(self, message: Stamped, known: Known) -> None:
+        """Update with a measured heading, an IMU sample or a belt reading."""
+        match message:
+            case HeadingMeasurement():
+                self.seen(message.t_s)
+            case ImuSample():
+                self.update_motion(message.t_s, message.orientation, -message.angular_velocity_rad_s[1])
+            case TrackReading():
+                self.update_belts(message.t_s, message.right_m_s - message.left_m_s, known.followed)
 
     def seen(self, t_s: float) -> None:
         """Reset the turn up to the exposure of a frame with a measured heading."""
@@ -72,14 +83,14 @@ class GyroOnlyTurn:
         turned = self._turned_rad - self._window[0][1]
         if abs(turned) > self._config.blind_turn_rad and not plan.needs_stair:
             since_s = t_s - self._window[0][0]
-            self.cause = (
+            self._cause = (
                 f"the belts turned the chair by {turned / DEG:+.1f}° in {since_s:.1f} s with the heading from the gyro alone"
             )
 
-    def forget(self) -> None:
-        """Reset the turn and its cause."""
+    def restart(self, known: Known) -> None:
+        """Start again: reset the turn."""
+        super().restart(known)
         self._window.clear()
-        self.cause = None
 
     def _share(self, phase: str) -> float:
         """Return the turn as a share of that of belts that do not skid.
@@ -95,8 +106,12 @@ class GyroOnlyTurn:
         return OVER_SHARE if abs(self._pitch_rad) > self._config.level_rad else self._config.level_turn_share
 
 
-def heading_fault(config: GuardConfig, estimate: HeadingEstimate | None, plan: MotionPlan | None) -> str | None:
-    """Return the fault of a large heading error over crest or edge, where the chair arrives square; None if there is none."""
-    if estimate is None or plan is None or plan.phase not in OVER or abs(estimate.heading_rad) <= config.square_rad:
-        return None
-    return f"heading {estimate.heading_rad / DEG:+.1f}° in {plan.phase}: the chair has turned, or the gyro errs"
+class TurnedOver(Monitor):
+    """A large heading error over crest or edge, where the chair arrives square."""
+
+    def cause(self, known: Known) -> str | None:
+        """Return the heading error, if it is too large for the phase."""
+        plan = known.followed
+        if plan is None or plan.phase not in OVER or not self._config.square_rad < abs(known.heading_rad) < math.inf:
+            return None
+        return f"heading {known.heading_rad / DEG:+.1f}° in {plan.phase}: the chair has turned, or the gyro errs"

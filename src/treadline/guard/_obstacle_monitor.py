@@ -4,9 +4,11 @@ import itertools
 import math
 from collections.abc import Sequence
 
-from treadline.core.signals import StairMap
+from treadline.core.signals import FrameQuality, StairMap
 from treadline.guard._guard_config import SAME_M, GuardConfig
+from treadline.guard._known import Known, Monitor
 from treadline.guard._sightings import Sightings
+from treadline.guard._stamps import Stamped
 
 OBSTACLE_COUNT, GAP_COUNT = (3, 4, 12), (1, 5, 10)
 """Gain, least and largest count (``Sightings``) of an obstacle and of a gap. An obstacle in every third frame is there, one in a
@@ -35,11 +37,11 @@ def gap_between(nosings: Sequence[Sequence[float]], span_m: float) -> tuple[floa
     return None
 
 
-class AheadMonitor:
-    """Obstacles and gaps in the direction of the camera."""
+class AheadMonitor(Monitor):
+    """Obstacles and gaps in the direction of the camera; a re-arm forgets none."""
 
     def __init__(self, config: GuardConfig) -> None:
-        self._config = config
+        super().__init__(config)
         self._sign, self._lead_m = (1.0, config.front_m) if config.view == "front" else (-1.0, config.rear_m)
         self._in_maps, self._in_frames, self._gaps = Sightings(*OBSTACLE_COUNT), Sightings(*OBSTACLE_COUNT), Sightings(*GAP_COUNT)
         self._width_m = 0.0
@@ -47,14 +49,19 @@ class AheadMonitor:
         self._steps_m = (math.inf, -math.inf)
         """Places of the first nosing that maps have shown of the flight, also of one passed since, and of the latest map's last."""
 
-    def look(self, stair: StairMap, places: Sequence[Sequence[float]], travel_m: float) -> None:
-        """Update with one map.
+    def hear(self, message: Stamped, known: Known) -> None:
+        """Update with one map, or with one frame that may be used."""
+        travel_m, _ = known.travel.at(message.t_s)
+        match message:
+            case StairMap():
+                self.look(message, travel_m)
+            case FrameQuality() if not known.frames.refused:
+                self.look_on(message.obstacle_m, travel_m)
 
-        Args:
-            stair: The map.
-            places: Its nosings: distance from mid-track in the direction of the camera, and height [m].
-            travel_m: Belt travel in the direction of the camera.
-        """
+    def look(self, stair: StairMap, travel_m: float) -> None:
+        """Update with one map, and the belt travel at its exposure."""
+        travel_m *= self._sign
+        places = [(self._sign * x_m, z_m) for x_m, _, z_m in stair.nosings_B]
         _show(self._in_maps, stair.obstacle_m, travel_m)
         gap = gap_between(places, self._config.track_span_m)
         if gap is not None and gap[0] > NEAR_M:
@@ -71,20 +78,15 @@ class AheadMonitor:
             self._steps_m = min(first_m, self._steps_m[0]) if is_same_flight else first_m, last_m
 
     def look_on(self, obstacle_m: float | None, travel_m: float) -> None:
-        """Update with the obstacle that one frame shows on flat ground; a step of the flight is none."""
+        """Update with the obstacle that one frame shows on flat ground, and the belt travel; a step of the flight is none."""
         travel_m *= self._sign
         first_m, last_m = self._steps_m
         is_step = obstacle_m is not None and first_m - SAME_M < travel_m + obstacle_m < last_m + SAME_M
         _show(self._in_frames, None if is_step else obstacle_m, travel_m)
 
-    def cause(self, travel_m: float, speed_m_s: float) -> str | None:
-        """Return the obstacle or gap from which the chair would not keep its distance at this speed; None if there is none.
-
-        Args:
-            travel_m: Belt travel, negative backwards.
-            speed_m_s: Commanded mean belt speed.
-        """
-        limits, speed = self._config, self._sign * speed_m_s
+    def cause(self, known: Known) -> str | None:
+        """Return the obstacle or gap from which the chair would not keep its distance at this speed; None if there is none."""
+        limits, speed, travel_m = self._config, self._sign * known.mean_m_s, known.travel.travel_m
         if speed <= 0.0:
             return None
         stopping_m = speed * limits.stopping_s
@@ -97,10 +99,10 @@ class AheadMonitor:
             return f"{self._width_m:.2f} m from nosing to nosing {gap_m:.2f} m ahead, too long for the track"
         return None
 
-    def speed_restriction(self, travel_m: float) -> str | None:
-        """Return the reason of a speed restriction, a gap ahead; None if there is none."""
-        gap_m = self._gap_m(travel_m)
-        return None if gap_m is None else f"{self._width_m:.2f} m from nosing to nosing {gap_m:.2f} m ahead"
+    def restriction(self, known: Known) -> tuple[str, str] | None:
+        """Return a gap ahead."""
+        gap_m = self._gap_m(known.travel.travel_m)
+        return None if gap_m is None else ("gap", f"{self._width_m:.2f} m from nosing to nosing {gap_m:.2f} m ahead")
 
     def _gap_m(self, travel_m: float) -> float | None:
         """Return the distance from the chair's leading end to a gap, unless the chair is over it."""

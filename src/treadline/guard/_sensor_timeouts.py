@@ -1,179 +1,152 @@
-"""Timeouts of camera, IMU, drives, processes and link, and faults reported by the heading filter (rows 1 and 6 to 9)."""
+"""Timeouts of camera and IMU, and faults reported by the heading filter (rows 1 and 6 to 9)."""
 
 import math
-from collections.abc import Iterable
 
-from treadline.core.signals import ROUNDING_S, Event, HeadingHealth
+from treadline.core.signals import FrameQuality, HeadingHealth, HeadingMeasurement, ImuSample, MotionPlan, StairMap
 from treadline.guard._guard_config import TIPPING, GuardConfig
+from treadline.guard._known import Known, Monitor
 from treadline.guard._lasting import Lasting
+from treadline.guard._silence import last
+from treadline.guard._stamps import Stamped
 
 
-class SilenceMonitor:
-    """Time since each of several sources last reported.
+class Senses(Monitor):
+    """Time of the last data of camera and IMU, and belt travel since the last frame.
 
-    Args:
-        timeout_s: Longest silence [s].
-        what: Words before the name of a source.
-        awaited: Sources that are awaited from the first tick; others are awaited once they have reported.
+    A camera that sends images is judged by them, one that measures by itself by its measurements.
     """
-
-    def __init__(self, timeout_s: float, what: str = "", awaited: Iterable[str] = ()) -> None:
-        self._timeout_s, self._what = timeout_s, what
-        self._heard_s: dict[str, float] = dict.fromkeys(awaited, math.inf)
-        self._faults: dict[str, str] = {}
-
-    def expect(self, source: str) -> None:
-        """Await a source from now on."""
-        self._heard_s.setdefault(source, math.inf)
-
-    def heard(self, source: str, t_s: float) -> None:
-        """Record a report."""
-        self._heard_s[source] = max(t_s, self._heard_s.get(source, t_s))
-        self._faults.pop(source, None)
-
-    def rejected(self, source: str, fault: str) -> None:
-        """Record why the report of a source was rejected; a rejected report ends no silence."""
-        self._faults[source] = fault
-
-    def cause(self, t_s: float) -> str | None:
-        """Return which source has been silent for too long, or None.
-
-        A source that has not reported yet counts as heard at the first call, and a report from the future as made now.
-        """
-        for source, heard_s in self._heard_s.items():
-            self._heard_s[source] = min(heard_s, t_s)
-            if t_s - heard_s > self._timeout_s:
-                return f"{self._what}{source} silent for {t_s - heard_s:.2f} s{_last(self._faults.get(source, ''))}"
-        return None
-
-    def restart(self, t_s: float) -> None:
-        """Wait for each source anew."""
-        self._heard_s = dict.fromkeys(self._heard_s, t_s)
-
-    def excuse(self, passed_s: float) -> None:
-        """Leave out of each silence what a guard that did not run for ``passed_s`` could not hear, beyond the timeout."""
-        for source in self._heard_s:
-            self._heard_s[source] += max(passed_s - self._timeout_s, 0.0) + ROUNDING_S
-
-
-class MapMonitor:
-    """Time for which headings have come without a stair map.
-
-    Args:
-        timeout_s: Longest such time [s].
-    """
-
-    def __init__(self, timeout_s: float) -> None:
-        self._timeout_s = timeout_s
-        self._since_s: float | None = None
-        self.cause: str | None = None
-
-    def seen(self, t_s: float) -> None:
-        """Record a measured heading."""
-        self._since_s = t_s if self._since_s is None else self._since_s
-        if t_s - self._since_s > self._timeout_s:
-            self.cause = f"headings without a stair map for {t_s - self._since_s:.1f} s"
-
-    def forget(self) -> None:
-        """Record a map, or start again."""
-        self._since_s = self.cause = None
-
-
-def _last(fault: str) -> str:
-    return f": the last {fault}" if fault else ""
-
-
-class SensorTimeouts:
-    """Time of the last data of each sensor, and belt travel since the last frame."""
 
     def __init__(self, config: GuardConfig) -> None:
-        self._config = config
+        super().__init__(config)
         self._imu_s = self._frame_s = self._seen_s = math.inf  # until the first tick, from which on each is awaited
         self._frame_m = 0.0
-        self._fault: str | None = None
-        self._since_s = math.inf
-        self._differ = Lasting(config.lasting_s, config.silence_s)
-        self._mended_s: float | None = None
-        self.refused = ""
-        """Reason for rejecting the last frame; empty if it was accepted."""
-        self.imu_fault = ""
-        """Reason for rejecting the last IMU sample; empty if it was accepted."""
+        self._stuck_s = math.inf
+        """Time since which the gyro is stuck."""
+        self._refused = self._imu_fault = ""
+        """Reasons for rejecting the last frame and the last IMU sample; empty if it was accepted."""
 
-    def restart(self, t_s: float, travel_m: float) -> None:
+    def hear(self, message: Stamped, known: Known) -> None:
+        """Update with what a sensor says, what was measured from it, or a plan that may need no stair in view."""
+        match message:
+            case ImuSample():
+                self._imu_s, self._imu_fault = max(self._imu_s, message.t_s), ""
+            case FrameQuality():
+                self._refused = known.frames.refused
+                needs_stair = known.plan is None or known.plan.needs_stair
+                if not known.frames.refused or (known.frames.is_alive and not needs_stair):
+                    self._frame(message.t_s, known)
+            case HeadingMeasurement() | StairMap():
+                if isinstance(message, HeadingMeasurement):
+                    self._seen_s = max(self._seen_s, message.t_s)
+                if known.is_reading:
+                    self._refused = known.frames.refused
+                    self._frame(message.t_s, known)
+            case MotionPlan() if not message.needs_stair:
+                self._seen_s = max(self._seen_s, message.t_s)
+            case HeadingHealth():
+                self._trust(message)
+
+    def reject(self, message: Stamped, known: Known, fault: str) -> None:
+        """Note why a sample, or a measurement of a camera, was rejected."""
+        if isinstance(message, ImuSample):
+            self._imu_fault = fault
+        elif isinstance(message, HeadingMeasurement | StairMap):
+            self._refused = fault or known.frames.refused
+
+    def restart(self, known: Known) -> None:
         """Start all timeouts again."""
-        self._imu_s = self._frame_s = self._seen_s = t_s
-        self._frame_m = travel_m
+        self._imu_s = self._frame_s = self._seen_s = known.t_s
+        self._frame_m = known.travel.travel_m
 
-    def imu(self, t_s: float) -> None:
-        """Record an IMU sample."""
-        self._imu_s, self.imu_fault = max(self._imu_s, t_s), ""
-
-    def frame(self, t_s: float, travel_m: float) -> None:
+    def _frame(self, t_s: float, known: Known) -> None:
         """Record a usable frame, and the belt travel at its exposure."""
         self._frame_s = max(self._frame_s, t_s)
-        self._frame_m = travel_m
+        self._frame_m, _ = known.travel.at(t_s)
 
-    def seen(self, t_s: float) -> None:
-        """Record a heading measured from a frame, or a plan that needs no stair in view."""
-        self._seen_s = max(self._seen_s, t_s)
-
-    def health(self, health: HeadingHealth) -> Event | None:
-        """Update with the heading filter's faults; return an event if the filter corrected one.
+    def _trust(self, health: HeadingHealth) -> None:
+        """Update with the heading filter's opinion of the gyro.
 
         A fault begins when the filter says, but never after the message itself.
         """
         since_s = min(health.t_s if health.since_s is None else health.since_s, health.t_s)
-        self._since_s = min(since_s, self._since_s) if health.fault == self._fault else since_s
-        self._fault = health.fault
-        if health.fault not in ("drift", "jump") or since_s == self._mended_s:
-            return None
-        self._mended_s = since_s
-        return Event(t_s=health.t_s, name="re-referenced", cause=health.cause or health.fault)
+        self._stuck_s = min(since_s, self._stuck_s) if health.fault == "stuck" else math.inf
 
-    def alarm(self, t_s: float, travel_m: float, phase: str | None) -> str | None:
-        """Return the reason to hold, or None."""
-        limits = self._config
-        differ = self._differ.update(t_s, beyond=self._fault == "disagreement")
-        # A stamp in the future, from a clock that is ahead, counts as now.
-        self._imu_s, self._frame_s, self._seen_s = min(self._imu_s, t_s), min(self._frame_s, t_s), min(self._seen_s, t_s)
-        frame_s, no_imu = t_s - self._frame_s, self._no_imu(t_s)
-        if no_imu is not None:
-            if frame_s > limits.silence_s:
-                return f"{no_imu}, and {self._no_frame(f'{frame_s:.1f}')}"
-            if self._without_imu(t_s) > limits.vision_only_s or phase in TIPPING:
-                return no_imu
+    def cause(self, known: Known) -> str | None:
+        """Return what has been missing for too long, or None."""
+        limits, t_s = self._config, known.t_s
+        self._clamp(t_s)
+        frame_s, driven_m, no_imu = t_s - self._frame_s, abs(known.travel.travel_m - self._frame_m), self._no_imu(t_s)
+        is_tipping = known.followed is not None and known.followed.phase in TIPPING
+        if no_imu is not None and (self._without_imu(t_s) > limits.vision_only_s or is_tipping):
+            return no_imu
         if frame_s > limits.blind_timeout_s:
-            return self._no_frame(f"{frame_s:.1f}")
-        if frame_s > limits.silence_s and abs(travel_m - self._frame_m) > limits.blind_travel_m:
-            return f"{self._no_frame(f'{frame_s:.1f}')}, {abs(travel_m - self._frame_m):.2f} m driven since"
+            return self._no_frame(frame_s)
+        if frame_s > limits.silence_s and driven_m > limits.blind_travel_m:
+            return f"{self._no_frame(frame_s)}, {driven_m:.2f} m driven since"
         if t_s - self._seen_s > limits.lost_timeout_s:
             return f"no stair in view for {t_s - self._seen_s:.1f} s"
-        if differ:
-            return f"camera and gyro disagree for more than {limits.lasting_s:.1f} s"
         return None
 
-    def both_lost(self, t_s: float) -> bool:
-        """Return whether both camera and IMU are missing."""
-        return self._no_imu(t_s) is not None and t_s - self._frame_s > self._config.silence_s
-
-    def speed_restriction(self, t_s: float) -> tuple[str, str] | None:
-        """Return the speed restriction, as a word and a reason; None if there is none."""
-        no_imu = self._no_imu(t_s)
+    def restriction(self, known: Known) -> tuple[str, str] | None:
+        """Return which sense is missing."""
+        self._clamp(known.t_s)
+        no_imu = self._no_imu(known.t_s)
         if no_imu is not None:
             return "imu", no_imu
-        if t_s - self._frame_s > self._config.silence_s:
-            return "camera", self._no_frame(f"{t_s - self._frame_s:.2f}")
-        return None
+        frame_s = known.t_s - self._frame_s
+        return ("camera", self._no_frame(frame_s, 2)) if frame_s > self._config.silence_s else None
 
-    def _no_frame(self, seconds: str) -> str:
-        return f"no frame for {seconds} s{_last(self.refused)}"
+    def _clamp(self, t_s: float) -> None:
+        """Count a stamp in the future, from a clock that is ahead, as now."""
+        self._imu_s, self._frame_s, self._seen_s = min(self._imu_s, t_s), min(self._frame_s, t_s), min(self._seen_s, t_s)
+
+    def _no_frame(self, silent_s: float, digits: int = 1) -> str:
+        return f"no frame for {silent_s:.{digits}f} s{last(self._refused)}"
 
     def _without_imu(self, t_s: float) -> float:
-        return t_s - min(self._imu_s, self._since_s if self._fault == "stuck" else math.inf)
+        return t_s - min(self._imu_s, self._stuck_s)
 
     def _no_imu(self, t_s: float) -> str | None:
         if t_s - self._imu_s > self._config.imu_timeout_s:
-            return f"no IMU sample for {t_s - self._imu_s:.2f} s{_last(self.imu_fault)}"
-        if self._fault == "stuck":
-            return f"gyro stuck for {t_s - self._since_s:.2f} s"
+            return f"no IMU sample for {t_s - self._imu_s:.2f} s{last(self._imu_fault)}"
+        if self._stuck_s < math.inf:
+            return f"gyro stuck for {t_s - self._stuck_s:.2f} s"
         return None
+
+
+class BothSenses(Senses):
+    """Camera and IMU lost together: of one lost sense the other carries the heading."""
+
+    def cause(self, known: Known) -> str | None:
+        """Return what is missing if both are."""
+        self._clamp(known.t_s)
+        frame_s, no_imu = known.t_s - self._frame_s, self._no_imu(known.t_s)
+        return f"{no_imu}, and {self._no_frame(frame_s)}" if no_imu is not None and frame_s > self._config.silence_s else None
+
+    def restriction(self, known: Known) -> tuple[str, str] | None:
+        """Return None: the monitor of each sense slows the chair."""
+        return None
+
+
+class FilterHealth(Monitor):
+    """Faults that the heading filter reports: a disagreement of camera and gyro, and errors of the gyro that it has corrected."""
+
+    def __init__(self, config: GuardConfig) -> None:
+        super().__init__(config)
+        self._differ = Lasting(config.lasting_s, config.silence_s)
+        self._differs = False
+        self._mended_s: float | None = math.inf
+
+    def hear(self, message: Stamped, known: Known) -> None:
+        """Update with the filter's health; a correction is reported once."""
+        if not isinstance(message, HeadingHealth):
+            return
+        self._differs = message.fault == "disagreement"
+        if message.fault in ("drift", "jump") and message.since_s != self._mended_s:
+            self._mended_s = message.since_s
+            known.report("re-referenced", message.cause or message.fault)
+
+    def cause(self, known: Known) -> str | None:
+        """Return a disagreement that lasts, or None."""
+        lasts = self._differ.update(known.t_s, beyond=self._differs)
+        return f"camera and gyro disagree for more than {self._config.lasting_s:.1f} s" if lasts else None

@@ -4,9 +4,11 @@ import math
 from collections import deque
 from collections.abc import Sequence
 
-from treadline.core.signals import ROUNDING_S
+from treadline.core.signals import ROUNDING_S, MotionPlan, StairMap
 from treadline.core.slip import DRIVEN_LEAST_M, slip_ratio
-from treadline.guard._guard_config import SAME_M, GuardConfig
+from treadline.guard._guard_config import FLIGHT, SAME_M, GuardConfig
+from treadline.guard._known import Known, Monitor
+from treadline.guard._stamps import Stamped
 
 MATCH_S = 0.35
 """Longest time between two maps whose nosings are compared [s]."""
@@ -17,7 +19,7 @@ FALLING = 0.6
 a constant slip is below a fifth."""
 
 
-class SlipMonitor:
+class SlipMonitor(Monitor):
     """Compares belt travel with the travel of the nosings; each nosing is matched with the nearest expected one.
 
     A chair whose belts differ travels as far as one of them or anything between: only what lies outside is slip. A chair that turns
@@ -31,7 +33,8 @@ class SlipMonitor:
     """
 
     def __init__(self, config: GuardConfig) -> None:
-        self._config = config
+        super().__init__(config)
+        self._source = "driver"
         self._t_s = -math.inf
         self._travel_m = self._ahead_m = 0.0
         self._places: Sequence[float] = ()
@@ -40,7 +43,39 @@ class SlipMonitor:
         self._since_s: float | None = None
         self.slip = 0.0
         """Slip ratio if it exceeds the limit, otherwise 0."""
-        self.cause: str | None = None
+
+    def hear(self, message: Stamped, known: Known) -> None:
+        """Update with one map; a plan off the flight, and another source of commands, begin anew."""
+        leaves = isinstance(message, MotionPlan) and message.phase not in FLIGHT and known.source == "driver"
+        if leaves or known.source != self._source:
+            self.begin()
+        self._source = known.source
+        if isinstance(message, StairMap):
+            self._hear_map(message, known)
+
+    def _hear_map(self, stair: StairMap, known: Known) -> None:
+        """Compare a map's nosings with the belts, on the flight.
+
+        In other phases the chair pitches, or is on flat ground, and nosings do not pass at belt speed. A chair that climbs to turn
+        square, with its camera on the flight below, does not roll back.
+        """
+        plan = known.followed
+        on_flight = plan is None or (plan.phase in FLIGHT and (stair.direction == "up") == (plan.speed_m_s >= 0.0))
+        if not on_flight or math.isinf(known.heading_rad):
+            self.forget()
+            return
+        sign, across = 1.0 if self._config.view == "front" else -1.0, math.cos(known.heading_rad)
+        travel_m, slow_m = known.travel.at(stair.t_s)
+        there_m = [sign * x_m * across for x_m, _, _ in stair.nosings_B]
+        self.look(stair.t_s, there_m, sign * slow_m, known.heading_rad, 2.0 * sign * (travel_m - slow_m))
+
+    def restriction(self, known: Known) -> tuple[str, str] | None:
+        """Return the slip, if it exceeds the limit."""
+        return ("slip", f"slip {self.slip:.2f}") if self.slip > 0.0 else None
+
+    def restart(self, known: Known) -> None:
+        """Start again."""
+        self.forget()
 
     def look(self, t_s: float, places_m: Sequence[float], travel_m: float, heading_rad: float, ahead_m: float = 0.0) -> None:
         """Update with the nosings of one map.
@@ -81,7 +116,7 @@ class SlipMonitor:
     def _lose(self) -> None:
         """Reset the slip, because the nosings are not in view."""
         self._window.clear()
-        self._since_s = self.cause = None
+        self._since_s = self._cause = None
         self.slip = 0.0
 
     def _slid(self, places_m: Sequence[float], driven_m: float, ahead_m: float) -> float | None:
@@ -113,10 +148,10 @@ class SlipMonitor:
         elif self._since_s is None or slid < FALLING * self._since_slid_m:
             self._since_s, self._since_slid_m = t_s, slid
         elif t_s - self._since_s >= window_s:
-            self.cause = f"slip {self.slip:.2f}: the chair is {slid:.2f} m off its belts in {t_s - then_s:.1f} s"
+            self._cause = f"slip {self.slip:.2f}: the chair is {slid:.2f} m off its belts in {t_s - then_s:.1f} s"
 
     def _roll(self, came_m: float) -> None:
         """Update the roll-back with the travel by the nosings since the last map."""
         self._back_m = max(self._back_m - came_m, 0.0)
         if self._back_m > self._config.roll_back_m:
-            self.cause = f"rolled back {self._back_m:.2f} m"
+            self._cause = f"rolled back {self._back_m:.2f} m"
