@@ -160,6 +160,7 @@ docs: $(VENV)/.docs
 	$(BIN)/python docs/tools/automaton.py docs/drawings
 	$(BIN)/python docs/tools/commands.py docs/reference/commands.md
 	$(BIN)/python docs/tools/decisions_index.py docs
+	$(BIN)/python docs/tools/hazards.py docs/explanation/safety.md
 	$(BIN)/python docs/tools/gallery.py docs/gallery
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 	@echo "documentation: site/index.html (make docs-serve for the search)"

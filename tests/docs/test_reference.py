@@ -24,6 +24,11 @@ def test_the_committed_schema_is_the_one_of_the_settings_classes() -> None:
     assert committed == json.loads(json.dumps(_tool("scenario_schema").schema())), "write it again: make schema"
 
 
+def test_the_page_of_hazards_has_the_rules_of_the_guard() -> None:
+    page = (DOCS / "explanation" / "safety.md").read_text(encoding="utf-8")
+    assert page == _tool("hazards").with_table(page), "write it again: make docs"
+
+
 def test_the_schema_has_every_key_of_the_shipped_scenarios() -> None:
     schema = json.loads((DOCS / "reference" / "scenario.schema.json").read_text(encoding="utf-8"))
     for path in shipped_scenarios().values():

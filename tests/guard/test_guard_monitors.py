@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from world import belts, estimate, flipper, frame, heading, known, limits, stair
 
-from treadline.core.signals import MotionPlan, TrackCommand
+from treadline.core.signals import MotionPlan, SeatReading, TrackCommand
 from treadline.guard import Guard, GuardConfig, ReadingAdmission
 from treadline.guard._attitude_limits import SeatMonitor
 from treadline.guard._belt_monitor import BeltMonitor
@@ -509,11 +509,15 @@ def tilted(pitch: float, roll: float) -> tuple[float, float, float, float]:
 def test_a_seat_that_leaves_the_level_further_is_not_waited_for(sign: float) -> None:
     """Test: 0.25 rad allowed; beyond it, and then further by 2°, and by more. Expected result: a cause at once by more only."""
     watch = SeatMonitor(limits(seat_rad=0.25, seat_s=1.0))
-    watch.update(0.0, 0.5 * sign)
-    watch.update(0.125, sign * (0.5 + 2.0 * math.pi / 180.0))
+    watch.hear(seat(0.0, 0.5 * sign), NOW)
+    watch.hear(seat(0.125, sign * (0.5 + 2.0 * math.pi / 180.0)), NOW)
     assert watch.cause(NOW) is None
-    watch.update(0.25, 0.54 * sign)
+    watch.hear(seat(0.25, 0.54 * sign), NOW)
     assert watch.cause(NOW) == f"seat is {sign * 30.9:.1f}° off level for 0.2 s"
+
+
+def seat(t_s: float, pitch_rad: float) -> SeatReading:
+    return SeatReading(t_s=t_s, pitch_rad=pitch_rad, stroke_m=0.05)
 
 
 def test_a_seats_error_counts_from_when_it_stopped_shrinking() -> None:
@@ -522,26 +526,26 @@ def test_a_seats_error_counts_from_when_it_stopped_shrinking() -> None:
     config = limits(seat_rad=0.25, seat_s=1.0)
     watch = SeatMonitor(config)
     for k in range(20):
-        watch.update(k / 8, 0.25)
+        watch.hear(seat(k / 8, 0.25), NOW)
     assert watch.cause(NOW) is None
     for k in range(8):
-        watch.update(3.0 + k / 8, -0.5)
+        watch.hear(seat(3.0 + k / 8, -0.5), NOW)
         assert watch.cause(NOW) is None
-    watch.update(4.0, -0.5)
+    watch.hear(seat(4.0, -0.5), NOW)
     assert watch.cause(NOW) == "seat is -28.6° off level for 1.0 s"
     watch.restart(NOW)
     assert watch.cause(NOW) is None
     for k in range(8):
-        watch.update(5.0 + k / 8, 0.5)
-    watch.update(6.0, 0.4375)
+        watch.hear(seat(5.0 + k / 8, 0.5), NOW)
+    watch.hear(seat(6.0, 0.4375), NOW)
     assert watch.cause(NOW) is None
-    watch.update(6.9375, 0.4375)
+    watch.hear(seat(6.9375, 0.4375), NOW)
     assert watch.cause(NOW) is None
-    watch.update(7.0, 0.4375 - 0.03)
+    watch.hear(seat(7.0, 0.4375 - 0.03), NOW)
     assert watch.cause(NOW) is not None
     watch = SeatMonitor(limits(seat_rad=0.25, seat_s=1.0, level_rad=0.0625))
     for t_s, error_rad in ((0.0, 0.5), (0.5, 0.4375), (1.0, 0.4375)):  # shrinks by the limit itself
-        watch.update(t_s, error_rad)
+        watch.hear(seat(t_s, error_rad), NOW)
     assert watch.cause(NOW) is not None
 
 

@@ -15,8 +15,7 @@ from drive import Drive, spoils
 from world import TICK_S, imu
 
 from treadline.core.angles import DEG
-from treadline.guard import _rules as rules
-from treadline.guard import guard as guard_module
+from treadline.guard._rules import RULES
 
 FRONT_M, PULLEY_M = 0.995, 0.475
 """Reach of the shipped chair from mid-track, and place of its pulleys."""
@@ -172,35 +171,35 @@ def recorded(drive: Drive, lasts_s: float, since_s: float) -> None:
 EVER = math.inf
 SLOW_CAMERA, SLOW_IMU = "no frame for 0.3", "no IMU sample for 0.06 s"
 CASES = [
-    case("pace", silence("driver"), 0.73, EVER, 0.75, "no command for 0.76 s", brakes=True, slows="no command or tick for 0.38 s"),
-    case("pace", late_tick, 0.74, 0.76, 0.0, "no tick for 0.77 s", brakes=True, slows="no frame"),
-    case("pace", clock_stands, 29, 10_000, 0.31, "mission clock stands still at 2.00 s", brakes=True),
-    case("pace", tick_from_before, None, 1.02, 0.0, "mission clock leapt by -1.02 s", brakes=True, slows="no frame"),
-    case("plant", value("plant", "fault", 1), None, "two guards", 0.0, "the plant braked by itself: two guards", brakes=True),
-    case("operator link", silence("operator"), 0.28, EVER, 0.3, "operator link silent for 0.3", brakes=True),
-    case("process", silence("process"), 0.73, EVER, 0.75, "process control silent for 0.7", brakes=True, begin=beats),
-    case("plan", silence("plan"), 0.28, EVER, 0.3, "plan silent for 0.3"),
-    case("tilt", attitude(pitch=1.0), 39.9, 40.1, 0.05, "pitch 40°", brakes=True),
-    case("tilt", attitude(pitch=-1.0), 14.9, 15.1, 0.05, "pitch -15°", brakes=True),
-    case("tilt", attitude(roll=1.0), 19.9, 20.1, 0.05, "roll 20°", brakes=True),
-    case("tilt", attitude(roll=-1.0), 19.9, 20.1, 0.05, "roll -20°", brakes=True),
-    case("tilt", attitude(rate=1.0), 24.9, 25.1, 0.05, "pitch rate 25 °/s, pitch 0°", brakes=True),
-    case("tilt", attitude(rate=-1.0), 24.9, 25.1, 0.05, "pitch rate -25 °/s, pitch 0°", brakes=True),
-    case("seat", value("seat", "pitch_rad", DEG), 4.9, 5.1, 1.0, "seat is 5.1° off level for 1.0 s"),
-    case("seat", value("seat", "pitch_rad", -DEG), 4.9, 5.1, 1.0, "seat is -5.1° off level for 1.0 s"),
+    case("Pace", silence("driver"), 0.73, EVER, 0.75, "no command for 0.76 s", brakes=True, slows="no command or tick for 0.38 s"),
+    case("Pace", late_tick, 0.74, 0.76, 0.0, "no tick for 0.77 s", brakes=True, slows="no frame"),
+    case("Pace", clock_stands, 29, 10_000, 0.31, "mission clock stands still at 2.00 s", brakes=True),
+    case("Pace", tick_from_before, None, 1.02, 0.0, "mission clock leapt by -1.02 s", brakes=True, slows="no frame"),
+    case("PlantFault", value("plant", "fault", 1), None, "two guards", 0.0, "the plant braked by itself: two guards", brakes=True),
+    case("LinkSilence", silence("operator"), 0.28, EVER, 0.3, "operator link silent for 0.3", brakes=True),
+    case("ProcessSilence", silence("process"), 0.73, EVER, 0.75, "process control silent for 0.7", brakes=True, begin=beats),
+    case("PlanSilence", silence("plan"), 0.28, EVER, 0.3, "plan silent for 0.3"),
+    case("TiltMonitor", attitude(pitch=1.0), 39.9, 40.1, 0.05, "pitch 40°", brakes=True),
+    case("TiltMonitor", attitude(pitch=-1.0), 14.9, 15.1, 0.05, "pitch -15°", brakes=True),
+    case("TiltMonitor", attitude(roll=1.0), 19.9, 20.1, 0.05, "roll 20°", brakes=True),
+    case("TiltMonitor", attitude(roll=-1.0), 19.9, 20.1, 0.05, "roll -20°", brakes=True),
+    case("TiltMonitor", attitude(rate=1.0), 24.9, 25.1, 0.05, "pitch rate 25 °/s, pitch 0°", brakes=True),
+    case("TiltMonitor", attitude(rate=-1.0), 24.9, 25.1, 0.05, "pitch rate -25 °/s, pitch 0°", brakes=True),
+    case("SeatMonitor", value("seat", "pitch_rad", DEG), 4.9, 5.1, 1.0, "seat is 5.1° off level for 1.0 s"),
+    case("SeatMonitor", value("seat", "pitch_rad", -DEG), 4.9, 5.1, 1.0, "seat is -5.1° off level for 1.0 s"),
     *[
-        case("drives", silence(name), 0.28, EVER, 0.3, f"readings of the {name} silent for 0.3", brakes=True, slows=slows)
+        case("DriveSilence", silence(name), 0.28, EVER, 0.3, f"readings of the {name} silent for 0.3", brakes=True, slows=slows)
         for name, slows in (("belts", "slip"), ("seat", ""), ("flipper", ""))
     ],
-    case("belts", value("belts", "left_m_s"), 0.115, 0.105, 0.2, "left track is stalled: 0.10 m/s where 0.20", brakes=True),
-    case("belts", value("belts", "right_m_s"), 0.285, 0.295, 0.2, "right track runs away: 0.29 m/s where 0.20", brakes=True),
-    case("belts", value("belts", "right_m_s"), None, -0.1, 0.2, "right track runs backwards: -0.10 m/s", brakes=True),
-    case("belts", value("belts", "brake_on"), False, True, 0.2, "the brake is on without a command", brakes=True),
-    case("slip", slips, 0.25, 0.5, 0.8, "slip 0.5", give_s=0.1, brakes=True, slows="slip 0."),
-    case("slip", rolls_back, 0.22, 0.28, 2.6, "rolled back 0.2", give_s=0.15, brakes=True),
-    case("estimate", silence("estimate"), 0.28, EVER, 0.3, "heading estimate silent for 0.3"),
-    case("both senses", silence("imu", "camera"), 0.28, EVER, 0.3, "no IMU sample for 0.3", brakes=True, slows=SLOW_IMU),
-    case("senses", silence("camera"), 2.88, EVER, 3.0, "no frame for 3.0 s", slows=SLOW_CAMERA),
+    case("BeltMonitor", value("belts", "left_m_s"), 0.115, 0.105, 0.2, "left track is stalled: 0.10 m/s where 0.20", brakes=True),
+    case("BeltMonitor", value("belts", "right_m_s"), 0.285, 0.295, 0.2, "right track runs away: 0.29 m/s where 0.20", brakes=True),
+    case("BeltMonitor", value("belts", "right_m_s"), None, -0.1, 0.2, "right track runs backwards: -0.10 m/s", brakes=True),
+    case("BeltMonitor", value("belts", "brake_on"), False, True, 0.2, "the brake is on without a command", brakes=True),
+    case("SlipMonitor", slips, 0.25, 0.5, 0.8, "slip 0.5", give_s=0.1, brakes=True, slows="slip 0."),
+    case("SlipMonitor", rolls_back, 0.22, 0.28, 2.6, "rolled back 0.2", give_s=0.15, brakes=True),
+    case("EstimateSilence", silence("estimate"), 0.28, EVER, 0.3, "heading estimate silent for 0.3"),
+    case("BothSenses", silence("imu", "camera"), 0.28, EVER, 0.3, "no IMU sample for 0.3", brakes=True, slows=SLOW_IMU),
+    case("Senses", silence("camera"), 2.88, EVER, 3.0, "no frame for 3.0 s", slows=SLOW_CAMERA),
     case(
         "senses",
         recorded,
@@ -212,25 +211,27 @@ CASES = [
         limits={"watches_motion": False},
     ),
     case(
-        "senses", value("camera", "fingerprint"), None, 7, 3.1, "no frame for 3.0 s: the last is frozen", give_s=0.1, slows="no fr"
+        "Senses", value("camera", "fingerprint"), None, 7, 3.1, "no frame for 3.0 s: the last is frozen", give_s=0.1, slows="no fr"
     ),
     case(
-        "senses", value("camera", "valid_share"), 0.16, 0.14, 3.0, "no frame for 3.0 s: the last has 14% of its depth", slows="no"
+        "Senses", value("camera", "valid_share"), 0.16, 0.14, 3.0, "no frame for 3.0 s: the last has 14% of its depth", slows="no"
     ),
-    case("senses", silence("imu"), 0.98, EVER, 1.0, "no IMU sample for 1.01 s", slows=SLOW_IMU),
-    case("senses", silence("imu"), 0.04, EVER, 0.05, "no IMU sample for 0.06 s", slows=SLOW_IMU, begin=over_crest),
-    case("senses", sent("stuck"), 0.9, EVER, 1.0, "gyro stuck for 1.01 s", slows="gyro stuck for 0.01 s"),
-    case("senses", silence("heading", "map"), 11.9, EVER, 12.0, "no stair in view for 12.0 s"),
-    case("disagreement", sent("disagreement"), 0.48, EVER, 0.5, "camera and gyro disagree for more than 0.5 s"),
-    case("health", silence("health"), 0.28, EVER, 0.3, "health of the heading silent for 0.3"),
-    case("maps", silence("map"), 2.88, EVER, 3.15, "headings without a stair map for 3.", give_s=0.1),
-    case("blind turn", apart, 0.005, 0.05, 2.05, "the belts turned the chair by +3.0° in", give_s=0.1, begin=without_stair),
-    case("square", at_heading, 4.9, 5.1, 0.0, "heading +5.1° in crest", begin=over_crest),
-    case("square", at_heading, -4.9, -5.1, 0.0, "heading -5.1° in crest", begin=over_crest),
-    case("ahead", wall, 40, 3, 2.9, "obstacle 0.4", give_s=0.35, brakes=True, stays=True),
-    case("ahead", gap, 0.25, 0.3, 9.0, "0.98 m from nosing", give_s=2.5, brakes=True, stays=True, slows="0.98 m from nosing"),
-    case("ground", drop, 99.0, 2.2, 6.6, "the ground ends 0.4", give_s=0.2, brakes=True, stays=True, begin=on_landing),
-    case("ground", silence("ground"), 5.0, EVER, 6.7, "the ground 0.0", give_s=0.5, brakes=True, begin=on_landing),
+    case("Senses", silence("imu"), 0.98, EVER, 1.0, "no IMU sample for 1.01 s", slows=SLOW_IMU),
+    case("Senses", silence("imu"), 0.04, EVER, 0.05, "no IMU sample for 0.06 s", slows=SLOW_IMU, begin=over_crest),
+    case("Senses", sent("stuck"), 0.9, EVER, 1.0, "gyro stuck for 1.01 s", slows="gyro stuck for 0.01 s"),
+    case("Senses", silence("heading", "map"), 11.9, EVER, 12.0, "no stair in view for 12.0 s"),
+    case("FilterHealth", sent("disagreement"), 0.48, EVER, 0.5, "camera and gyro disagree for more than 0.5 s"),
+    case("HealthSilence", silence("health"), 0.28, EVER, 0.3, "health of the heading silent for 0.3"),
+    case("MapMonitor", silence("map"), 2.88, EVER, 3.15, "headings without a stair map for 3.", give_s=0.1),
+    case("GyroOnlyTurn", apart, 0.005, 0.05, 2.05, "the belts turned the chair by +3.0° in", give_s=0.1, begin=without_stair),
+    case("TurnedOver", at_heading, 4.9, 5.1, 0.0, "heading +5.1° in crest", begin=over_crest),
+    case("TurnedOver", at_heading, -4.9, -5.1, 0.0, "heading -5.1° in crest", begin=over_crest),
+    case("AheadMonitor", wall, 40, 3, 2.9, "obstacle 0.4", give_s=0.35, brakes=True, stays=True),
+    case(
+        "AheadMonitor", gap, 0.25, 0.3, 9.0, "0.98 m from nosing", give_s=2.5, brakes=True, stays=True, slows="0.98 m from nosing"
+    ),
+    case("DropMonitor", drop, 99.0, 2.2, 6.6, "the ground ends 0.4", give_s=0.2, brakes=True, stays=True, begin=on_landing),
+    case("DropMonitor", silence("ground"), 5.0, EVER, 6.7, "the ground 0.0", give_s=0.5, brakes=True, begin=on_landing),
 ]
 
 
@@ -255,7 +256,7 @@ def ids(case: Case) -> str:
 
 
 def test_every_rule_has_a_case() -> None:
-    assert {case.rule for case in CASES} == {rule.name for rule in rules.RULES}
+    assert {case.rule for case in CASES} == {rule.__name__ for rule in RULES}
 
 
 @pytest.mark.parametrize("case", CASES, ids=ids)
@@ -289,9 +290,7 @@ def test_what_is_within_its_limit_holds_nobody(case: Case) -> None:
 @pytest.mark.parametrize("case", CASES, ids=ids)
 def test_no_other_rule_holds_for_a_fault_in_its_time(case: Case, monkeypatch: pytest.MonkeyPatch) -> None:
     """Test: the guard without the rule. Expected: no hold for this cause; no two rules do the same."""
-    others = tuple(rule for rule in rules.RULES if rule.name != case.rule or rule is rules.BELTS)
-    monkeypatch.setattr(guard_module, "RULES", others)
-    if case.rule == "belts":
-        monkeypatch.setattr(type(Drive().guard._watches[rules.BELTS]), "cause", lambda *_: None)
+    rule = next(rule for rule in RULES if rule.__name__ == case.rule)
+    monkeypatch.setattr(rule, "cause", lambda *_: None)
     drive, ticks = drive_with(case, case.beyond, case.hold_s + case.give_s + 0.05)
     assert ticks is None or not (drive.guard.holding or "").startswith(case.cause)

@@ -1,19 +1,28 @@
 """Monitor of the belts: speed against the command (rows 13 and 24). ``TrackCommand, TrackReading -> cause``."""
 
 import math
+from typing import Any
 
 from treadline.core.signals import ROUNDING_S, TrackCommand, TrackReading
 from treadline.guard._guard_config import GuardConfig
 from treadline.guard._known import Known, Monitor
 from treadline.guard._lasting import Lasting
-from treadline.guard._stamps import Stamped
 
 BRAKE_M_S2 = 10.0
 """Deceleration of a belt by the brake [m/s²]; a parameter of the guard, independent of the plant."""
 
 
 class BeltMonitor(Monitor):
-    """Compares each belt speed with a model of its drive: first-order lag with an acceleration limit."""
+    """A belt stalls, runs away or runs backwards, the brake is on without a command.
+
+    Time: 0.2 s; if it flickers, and is bad for a share p > 1/2 of the time, divided by 2p − 1.
+    Not covered: deviations below 30 % and 0.03 m/s.
+
+    Each belt speed is compared with a model of its drive: first-order lag with an acceleration limit. A faulty drive follows no
+    ramp.
+    """
+
+    rows, hears = "13, 24", (TrackReading,)
 
     def __init__(self, config: GuardConfig) -> None:
         super().__init__(config)
@@ -28,10 +37,9 @@ class BeltMonitor(Monitor):
         left, right = (min(max(speed, -limit), limit) for speed in self._expected)
         return left, right
 
-    def hear(self, message: Stamped, known: Known) -> None:
+    def hear(self, message: Any, known: Known) -> None:
         """Update with one reading of the drives."""
-        if isinstance(message, TrackReading):
-            self.update(message, known.passed)
+        self.update(message, known.passed)
 
     def update(self, reading: TrackReading, asked: TrackCommand) -> None:
         """Compare one reading of the drives with the command that they have; after a gap the reading is what is expected."""

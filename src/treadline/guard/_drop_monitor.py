@@ -6,6 +6,7 @@ the same distance from ground that goes out of sight within the camera's range, 
 """
 
 import math
+from typing import Any
 
 from treadline.core.angles import DEG
 from treadline.core.signals import FreeGround, ImuSample, Phase, StairMap
@@ -13,7 +14,6 @@ from treadline.guard._guard_config import FLIGHT, SAME_M, GuardConfig
 from treadline.guard._known import Known, Monitor
 from treadline.guard._obstacle_monitor import NEAR_M, OBSTACLE_COUNT
 from treadline.guard._sightings import Sightings
-from treadline.guard._stamps import Stamped
 
 FLAT_RAD = 5.0 * DEG
 """Largest pitch of a chair on a floor, a landing or a ramp [rad]: ramps for wheelchairs rise by 1:12, 4.8°, and no flight is
@@ -153,7 +153,18 @@ class _Ground:
 
 
 class DropMonitor(Monitor):
-    """Ground in both directions; a re-arm forgets none."""
+    """The ground ends, or was neither seen nor driven over, and no plan enters an edge whose nosing the guard's own maps show.
+
+    Time: 0.34 m and the deviation before an end, from the leading pulley; before the pulley leaves known ground.
+    Not covered: turning on the spot next to a drop; own plants that do not declare frames or the ground (`drop_unwatched` says so);
+    edges nearer than the image begins, 0.8 m from mid-track, unless seen before; drops below 4 cm, at 2 m below 5.5 cm; travel is
+    that of the belts, slip included.
+
+    A re-arm forgets no ground.
+    """
+
+    rows, hears, needs, declared = "27", (ImuSample, FreeGround, StairMap), ("watches_motion",), "awaits_ground"
+    unwatched = ("drop_unwatched", "the camera does not report where the ground ends: no stop before a drop")
 
     def __init__(self, config: GuardConfig) -> None:
         super().__init__(config)
@@ -163,7 +174,7 @@ class DropMonitor(Monitor):
         self._flat_s: float | None = None
         """Time since which the chair has been on flat ground; None on a flight."""
 
-    def hear(self, message: Stamped, known: Known) -> None:
+    def hear(self, message: Any, known: Known) -> None:
         """Update with an IMU sample, the ground of one frame or a map."""
         match message:
             case ImuSample():

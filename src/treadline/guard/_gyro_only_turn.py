@@ -6,12 +6,13 @@
 import math
 from collections import deque
 from collections.abc import Sequence
+from typing import Any
 
 from treadline.core.angles import DEG, tilt_of
 from treadline.core.signals import HeadingMeasurement, ImuSample, MotionPlan, TrackReading
 from treadline.guard._guard_config import FLIGHT, OVER, GuardConfig
+from treadline.guard._half_cosine_stop import Stop
 from treadline.guard._known import Known, Monitor
-from treadline.guard._stamps import Stamped
 
 OVER_SHARE = 0.26
 """Share of the turn of belts that do not skid, over one nosing: measured with a drifting gyro on 0.62/0.5 at 22°; 0.03 to 0.47 at
@@ -24,7 +25,14 @@ SMOOTHING_S = 0.2
 
 
 class GyroOnlyTurn(Monitor):
-    """Turn by the belts within ``blind_turn_s``, since the last heading measured by the camera."""
+    """The belts turn the chair by more than 3° in 6 s with no stair in view.
+
+    Time: at 3°.
+    Not covered: drift below 1.5 °/s while the belts run alike.
+    """
+
+    rows, stop, needs = "7", Stop.RAMP, ("needs_heading",)
+    hears = (HeadingMeasurement, ImuSample, TrackReading)
 
     def __init__(self, config: GuardConfig) -> None:
         super().__init__(config)
@@ -35,7 +43,7 @@ class GyroOnlyTurn(Monitor):
         self._turned_rad = 0.0
         self._window: deque[tuple[float, float]] = deque()
 
-    def hear(self, message: Stamped, known: Known) -> None:
+    def hear(self, message: Any, known: Known) -> None:
         """Update with a measured heading, an IMU sample or a belt reading."""
         match message:
             case HeadingMeasurement():
@@ -107,7 +115,12 @@ class GyroOnlyTurn(Monitor):
 
 
 class TurnedOver(Monitor):
-    """A large heading error over crest or edge, where the chair arrives square."""
+    """Heading beyond 5° over crest, edge and the ends of a flight, where the chair arrives square.
+
+    Time: 1 tick.
+    """
+
+    rows, stop, needs = "7, 18", Stop.RAMP, ("needs_heading",)
 
     def cause(self, known: Known) -> str | None:
         """Return the heading error, if it is too large for the phase."""

@@ -3,12 +3,13 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 from treadline.core.signals import CommandSource, HeadingEstimate, MotionPlan, TrackCommand
 from treadline.guard._belt_travel import BeltTravel
 from treadline.guard._frame_monitor import FrameMonitor
 from treadline.guard._guard_config import GuardConfig
-from treadline.guard._stamps import Stamped
+from treadline.guard._half_cosine_stop import Stop
 
 
 @dataclass(slots=True, kw_only=True)
@@ -59,16 +60,39 @@ class Known:
 
 
 class Monitor:
-    """Judges one kind of fault. ``_rules.RULES`` names each, with the messages that it hears and how the chair stops for it."""
+    """One rule of the guard. Its docstring is its row in the table of hazards: what holds, its time, and what it does not cover."""
+
+    rows: ClassVar[str] = ""
+    """Rows in the table of hazards."""
+    stop: ClassVar[Stop] = Stop.BRAKE
+    """How the chair stops for it."""
+    hears: ClassVar[tuple[type, ...]] = ()
+    """Types of the messages that it hears."""
+    needs: ClassVar[tuple[str, ...]] = ()
+    """Names of the limits that must be set for the rule to apply to a run."""
+    declared: ClassVar[str] = ""
+    """Name of the limit by which blocks declare what the rule needs; empty if it needs nothing of the kind."""
+    unwatched: ClassVar[tuple[str, str]] = ("", "")
+    """Event at the first tick where it is not declared: its name, and what is not watched."""
 
     def __init__(self, config: GuardConfig) -> None:
         self._config = config
         self._cause: str | None = None
 
-    def hear(self, message: Stamped, known: Known) -> None:
+    @classmethod
+    def applies(cls, limits: GuardConfig) -> bool:
+        """Return whether the rule applies to a run with these limits, whatever is declared."""
+        return all(getattr(limits, name) for name in cls.needs)
+
+    @classmethod
+    def is_watched(cls, limits: GuardConfig) -> bool:
+        """Return whether the rule applies, and blocks send what it needs."""
+        return cls.applies(limits) and (not cls.declared or bool(getattr(limits, cls.declared)))
+
+    def hear(self, message: Any, known: Known) -> None:
         """Update with an accepted message of its types; a frame is also heard if it shows too little, see ``Known.frames``."""
 
-    def reject(self, message: Stamped, known: Known, fault: str) -> None:
+    def reject(self, message: Any, known: Known, fault: str) -> None:
         """Note a message of its types that was rejected, and why."""
 
     def cause(self, known: Known) -> str | None:

@@ -1,12 +1,18 @@
 """Pace of the loop and of its commands, and a plant that stopped by itself (rows 10, 11 and 22)."""
 
+from typing import Any
+
 from treadline.core.signals import TICK_S, PlantState
 from treadline.guard._known import Known, Monitor
-from treadline.guard._stamps import Stamped
 
 
 class Pace(Monitor):
-    """Age of the belts' command, and the clock of the ticks."""
+    """No command or no tick; a clock of ticks that stands still, or leaps by 1 s.
+
+    Time: ramp from 1.5 control periods, hold at 3; 0.3 s; 1 tick.
+    """
+
+    rows = "11"
 
     def cause(self, known: Known) -> str | None:
         """Return what is late, or None."""
@@ -21,9 +27,15 @@ class Pace(Monitor):
 
 
 class PlantFault(Monitor):
-    """Reason for which the plant braked by itself; the button to re-arm may reach the plant a moment after the guard."""
+    """The plant braked by itself: silence, a second guard.
 
-    def hear(self, message: Stamped, known: Known) -> None:
+    Time: 1 tick; for 0.1 s after a re-arm its reports may be of before.
+    Not covered: drives that ignore their command.
+    """
+
+    rows, hears, needs = "22", (PlantState,), ("watches_motion",)
+
+    def hear(self, message: Any, known: Known) -> None:
         """Update with the state of the plant."""
-        if isinstance(message, PlantState) and message.fault is not None and message.t_s - known.rearmed_s > self._config.ahead_s:
+        if message.fault is not None and message.t_s - known.rearmed_s > self._config.ahead_s:
             self._cause = f"the plant braked by itself: {message.fault}"

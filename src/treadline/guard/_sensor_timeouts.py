@@ -1,20 +1,29 @@
 """Timeouts of camera and IMU, and faults reported by the heading filter (rows 1 and 6 to 9)."""
 
 import math
+from typing import Any
 
 from treadline.core.signals import FrameQuality, HeadingHealth, HeadingMeasurement, ImuSample, MotionPlan, StairMap
 from treadline.guard._guard_config import TIPPING, GuardConfig
+from treadline.guard._half_cosine_stop import Stop
 from treadline.guard._known import Known, Monitor
 from treadline.guard._lasting import Lasting
 from treadline.guard._silence import last
-from treadline.guard._stamps import Stamped
 
 
 class Senses(Monitor):
-    """Time of the last data of camera and IMU, and belt travel since the last frame.
+    """Camera lost, frozen, dark or without depth; IMU lost, not a number, or stuck; no stair in view where the plan needs one.
+
+    Time: camera: at most 0.10 m/s after 0.3 s, hold after 3 s or 0.5 m; IMU: at most 0.10 m/s after 50 ms, hold after 1 s, at once
+    over crest and edge; no stair: 12 s, also where a person drives without a planner.
+    Not covered: an image of the last 3 s is frozen, but not a loop of recorded images longer than 3 s.
 
     A camera that sends images is judged by them, one that measures by itself by its measurements.
     """
+
+    rows, stop = "1–4, 6, 8", Stop.RAMP
+    hears = (ImuSample, FrameQuality, HeadingMeasurement, StairMap, MotionPlan, HeadingHealth)
+    needs = ("needs_heading",)
 
     def __init__(self, config: GuardConfig) -> None:
         super().__init__(config)
@@ -25,7 +34,7 @@ class Senses(Monitor):
         self._refused = self._imu_fault = ""
         """Reasons for rejecting the last frame and the last IMU sample; empty if it was accepted."""
 
-    def hear(self, message: Stamped, known: Known) -> None:
+    def hear(self, message: Any, known: Known) -> None:
         """Update with what a sensor says, what was measured from it, or a plan that may need no stair in view."""
         match message:
             case ImuSample():
@@ -46,7 +55,7 @@ class Senses(Monitor):
             case HeadingHealth():
                 self._trust(message)
 
-    def reject(self, message: Stamped, known: Known, fault: str) -> None:
+    def reject(self, message: Any, known: Known, fault: str) -> None:
         """Note why a sample, or a measurement of a camera, was rejected."""
         if isinstance(message, ImuSample):
             self._imu_fault = fault
@@ -115,7 +124,12 @@ class Senses(Monitor):
 
 
 class BothSenses(Senses):
-    """Camera and IMU lost together: of one lost sense the other carries the heading."""
+    """Camera and IMU lost together: of one lost sense the other carries the heading.
+
+    Time: 0.3 s.
+    """
+
+    rows, stop = "9", Stop.BRAKE
 
     def cause(self, known: Known) -> str | None:
         """Return what is missing if both are."""
@@ -129,7 +143,15 @@ class BothSenses(Senses):
 
 
 class FilterHealth(Monitor):
-    """Faults that the heading filter reports: a disagreement of camera and gyro, and errors of the gyro that it has corrected."""
+    """Camera and gyro disagree for most of the time, whatever time the message claims.
+
+    Time: 0.5 s.
+    Not covered: both wrong alike.
+
+    Errors of the gyro that the heading filter has corrected are reported.
+    """
+
+    rows, stop, hears, needs = "7", Stop.RAMP, (HeadingHealth,), ("needs_heading",)
 
     def __init__(self, config: GuardConfig) -> None:
         super().__init__(config)
@@ -137,10 +159,8 @@ class FilterHealth(Monitor):
         self._differs = False
         self._mended_s: float | None = math.inf
 
-    def hear(self, message: Stamped, known: Known) -> None:
+    def hear(self, message: Any, known: Known) -> None:
         """Update with the filter's health; a correction is reported once."""
-        if not isinstance(message, HeadingHealth):
-            return
         self._differs = message.fault == "disagreement"
         if message.fault in ("drift", "jump") and message.since_s != self._mended_s:
             self._mended_s = message.since_s

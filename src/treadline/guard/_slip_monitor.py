@@ -3,12 +3,12 @@
 import math
 from collections import deque
 from collections.abc import Sequence
+from typing import Any
 
 from treadline.core.signals import ROUNDING_S, MotionPlan, StairMap
 from treadline.core.slip import DRIVEN_LEAST_M, slip_ratio
 from treadline.guard._guard_config import FLIGHT, SAME_M, GuardConfig
 from treadline.guard._known import Known, Monitor
-from treadline.guard._stamps import Stamped
 
 MATCH_S = 0.35
 """Longest time between two maps whose nosings are compared [s]."""
@@ -20,17 +20,22 @@ a constant slip is below a fifth."""
 
 
 class SlipMonitor(Monitor):
-    """Compares belt travel with the travel of the nosings; each nosing is matched with the nearest expected one.
+    """Slip above 0.3 against the nosings; roll-back of 0.25 m.
 
-    A chair whose belts differ travels as far as one of them or anything between: only what lies outside is slip. A chair that turns
-    on nosings skids. Slip is therefore judged only while the chair is square and does not turn, roll-back always. When the nosings
-    go out of view, the slip measurement starts again and the roll-back is kept: unobserved forward travel does not reduce it, and
-    unobserved sliding counts as far as the nosings can still be matched.
+    Time: slow, hold after 0.5 s; at once.
+    Not covered: slip while no nosing is in view.
+
+    Each nosing is matched with the nearest expected one. A chair whose belts differ travels as far as one of them or anything
+    between: only what lies outside is slip. A chair that turns on nosings skids. Slip is therefore judged only while the chair is
+    square and does not turn, roll-back always. When the nosings go out of view, the slip measurement starts again and the roll-back
+    is kept: unobserved forward travel does not reduce it, and unobserved sliding counts as far as the nosings can still be matched.
 
     A decreasing slip distance belongs to a chair that catches up with its belts, for example after a turn. Each decrease below
     ``FALLING`` restarts the wait, at most four times between a standing chair with belts at 0.2 m/s and the smallest slip. The
     criterion is the slip distance and not the slip ratio, which stays constant when the guard slows the belts down.
     """
+
+    rows, hears, needs = "14", (StairMap, MotionPlan), ("watches_motion", "watches_slip")
 
     def __init__(self, config: GuardConfig) -> None:
         super().__init__(config)
@@ -44,7 +49,7 @@ class SlipMonitor(Monitor):
         self.slip = 0.0
         """Slip ratio if it exceeds the limit, otherwise 0."""
 
-    def hear(self, message: Stamped, known: Known) -> None:
+    def hear(self, message: Any, known: Known) -> None:
         """Update with one map; a plan off the flight, and another source of commands, begin anew."""
         leaves = isinstance(message, MotionPlan) and message.phase not in FLIGHT and known.source == "driver"
         if leaves or known.source != self._source:

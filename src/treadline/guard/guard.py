@@ -31,13 +31,14 @@ from treadline.core.signals import (
     VelocityCommand,
 )
 from treadline.guard._admission import ReadingAdmission
+from treadline.guard._attitude_limits import SeatMonitor
 from treadline.guard._belt_monitor import BeltMonitor
 from treadline.guard._belt_travel import BeltTravel
 from treadline.guard._bounds import finite
 from treadline.guard._guard_config import ENDS, STEADY, GuardConfig
 from treadline.guard._half_cosine_stop import Stop
 from treadline.guard._known import Known, Monitor
-from treadline.guard._rules import RULES, SEAT
+from treadline.guard._rules import RULES
 from treadline.guard._silence import Heartbeat, Silence
 from treadline.guard._speed_limits import limited, mean_limit, stands
 from treadline.guard._stamps import Stamped
@@ -67,7 +68,7 @@ class Guard:
             report=lambda name, cause: self._latch.report(self._now_s, name, cause),
             passed=TrackCommand.stop(0.0),
         )
-        self._watches = {rule: rule.build(config) for rule in RULES if rule.applies(config) and rule.is_watched(config)}
+        self._watches = {rule: rule(config) for rule in RULES if rule.is_watched(config)}
         self._hearers: dict[type, list[Monitor]] = {}
         """Monitors that hear each type of message."""
         self._is_dark = False
@@ -167,8 +168,8 @@ class Guard:
             known.estimate = estimate
             self._hear(estimate)
         known.passed = self._limited(t_s)
-        for rule, monitor in self._watches.items():
-            self._latch.hold(t_s, rule.stop, monitor.cause(known))
+        for monitor in self._watches.values():
+            self._latch.hold(t_s, monitor.stop, monitor.cause(known))
         if self._latch.cause is not None:
             known.passed = self._latch.stop(t_s, self._expected_m_s)
         return Commands(known.passed, self._seat_now(t_s), self._flipper_now(t_s))
@@ -219,7 +220,7 @@ class Guard:
     def _hearers_of(self, message: Stamped) -> list[Monitor]:
         kind = type(message)
         if kind not in self._hearers:
-            self._hearers[kind] = [monitor for rule, monitor in self._watches.items() if kind in rule.hears]
+            self._hearers[kind] = [monitor for monitor in self._watches.values() if kind in monitor.hears]
         return self._hearers[kind]
 
     def _report_light(self, quality: FrameQuality) -> None:
@@ -322,7 +323,7 @@ class Guard:
         command = self._seat_command
         if not self._is_fresh(command.t_s, t_s):
             return SeatCommand(t_s=t_s, rate_m_s=0.0)
-        seat = self._watches.get(SEAT)
+        seat = self._watches.get(SeatMonitor)
         return command if seat is None or seat.cause(self._known) is None else replace(command, rate_m_s=0.0)
 
     def _flipper_now(self, t_s: float) -> FlipperCommand | None:
