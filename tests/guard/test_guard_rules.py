@@ -201,7 +201,7 @@ CASES = [
     case("BothSenses", silence("imu", "camera"), 0.28, EVER, 0.3, "no IMU sample for 0.3", brakes=True, slows=SLOW_IMU),
     case("Senses", silence("camera"), 2.88, EVER, 3.0, "no frame for 3.0 s", slows=SLOW_CAMERA),
     case(
-        "senses",
+        "Senses",
         recorded,
         1.5,
         EVER,

@@ -38,7 +38,7 @@ def gap_between(nosings: Sequence[Sequence[float]], span_m: float) -> tuple[floa
 
 
 class AheadMonitor(Monitor):
-    """An obstacle in a third of the maps or frames, and no step that maps have shown; a gap between nosings longer than the flat run.
+    """An obstacle in a third of maps or frames, and no step that maps have shown; a gap between nosings longer than the flat run.
 
     Time: in every phase, 0.34 m before an obstacle, 0.2 m before a gap, for messages up to 3 s late.
     Not covered: what the camera does not see.

@@ -126,7 +126,11 @@ class DriveSilence(Silence):
     """
 
     rows, hears, needs = "13", (TrackReading, SeatReading, FlipperReading), ("watches_motion",)
-    names: ClassVar[Mapping[type, str]] = {kind: f"readings of the {kind.__name__[:-7].lower()}" for kind in hears}
+    names: ClassVar[Mapping[type, str]] = {
+        TrackReading: "readings of the belts",
+        SeatReading: "readings of the seat",
+        FlipperReading: "readings of the flipper",
+    }
 
     def __init__(self, config: GuardConfig) -> None:
         super().__init__(config)
