@@ -84,7 +84,7 @@ class Drive:
         turn, up = math.sin(0.7 * t_s), FlipperCommand(t_s=t_s, rate_rad_s=0.1)
         said: dict[str, Any] = {
             "operator": OperatorInput(t_s=t_s),
-            "plant": PlantState(t_s=t_s, fault=None),
+            "plant": PlantState(t_s=t_s, fault=None, battery_v=24.0),
             "imu": imu(t_s, self.pitch_rad),
             "belts": belts(t_s, *self.speeds, brake_on=self.passed.brake),
             "seat": SeatReading(t_s=t_s, pitch_rad=0.0, stroke_m=0.05),

@@ -34,7 +34,7 @@ MADE: dict[type, Callable[[float], Any]] = {
     SeatReading: lambda t_s: SeatReading(t_s=t_s, pitch_rad=0.0, stroke_m=0.05),
     FlipperReading: lambda t_s: flipper(t_s, 0.7, 1.0),
     OperatorInput: lambda t_s: OperatorInput(t_s=t_s),
-    PlantState: lambda t_s: PlantState(t_s=t_s, fault=None),
+    PlantState: lambda t_s: PlantState(t_s=t_s, fault=None, battery_v=24.0),
     FrameQuality: lambda t_s: frame(t_s, obstacle_m=9.0),
     HeadingMeasurement: lambda t_s: heading(t_s, 0.01 * t_s),
     StairMap: lambda t_s: stair(t_s, [1.5 - 0.2 * t_s, 1.84 - 0.2 * t_s], obstacle_m=9.0, left_wall_m=1.0, right_seen_m=1.0),

@@ -140,11 +140,13 @@ class OperatorInput:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlantState:
-    """State of the watchdog at the actuators."""
+    """State of the actuators: their watchdog, and their battery."""
 
     t_s: float
     fault: str | None
     """Reason for which the plant braked by itself; None without one."""
+    battery_v: float | None = None
+    """Voltage of the battery; None if it is not measured."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

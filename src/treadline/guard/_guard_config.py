@@ -141,6 +141,11 @@ class GuardConfig:
     seat_s: float = 1.0
     """Duration of a larger seat pitch after which it is a fault [s]."""
 
+    battery_least_v: float | None = None
+    """Least voltage of the battery (row 28), from the robot file [V]; None: not watched."""
+    battery_s: float = 1.0
+    """Duration of a lower voltage after which the battery is empty [s]: longer than the dip when the belts start."""
+
     gap_clear_m: float = 0.2
     """Distance to keep from a gap, in addition to the stopping distance [m]."""
     obstacle_clear_m: float = 0.34

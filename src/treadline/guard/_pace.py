@@ -1,9 +1,12 @@
-"""Pace of the loop and of its commands, and a plant that stopped by itself (rows 10, 11 and 22)."""
+"""Pace of the loop and of its commands, a plant that stopped by itself, and its battery (rows 10, 11, 22 and 28)."""
 
 from typing import Any
 
 from treadline.core.signals import TICK_S, PlantState
+from treadline.guard._guard_config import GuardConfig
+from treadline.guard._half_cosine_stop import Stop
 from treadline.guard._known import Known, Monitor
+from treadline.guard._lasting import Lasting
 
 
 class Pace(Monitor):
@@ -39,3 +42,24 @@ class PlantFault(Monitor):
         """Update with the state of the plant."""
         if message.fault is not None and message.t_s - known.rearmed_s > self._config.ahead_s:
             self._cause = f"the plant braked by itself: {message.fault}"
+
+
+class Battery(Monitor):
+    """The battery's voltage is below the least one of the robot file.
+
+    Time: 1 s.
+    Not covered: a battery whose voltage is not measured.
+    """
+
+    rows, stop, hears, needs = "28", Stop.RAMP, (PlantState,), ("battery_least_v",)
+
+    def __init__(self, config: GuardConfig) -> None:
+        super().__init__(config)
+        self._lasting = Lasting(config.battery_s, config.silence_s)
+
+    def hear(self, message: Any, known: Known) -> None:
+        """Update with the state of the plant."""
+        least_v = self._config.battery_least_v or 0.0
+        volts = least_v if message.battery_v is None else message.battery_v
+        if self._lasting.update(message.t_s, beyond=volts < least_v):
+            self._cause = f"the battery is at {volts:.1f} V, and {least_v:g} V are asked for"

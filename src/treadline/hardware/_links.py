@@ -143,7 +143,7 @@ class Links:
         fault = None if self.is_rearming else state.error
         if fault is None and state.latched and not self._stops and not self.is_rearming:
             fault = "its watchdog had no valid command in time" if state.watchdog_tripped else "the box latched a stop"
-        yield PlantState(t_s=t_s, fault=fault)
+        yield PlantState(t_s=t_s, fault=fault, battery_v=state.voltage_v)
 
     def _guarded(self, port: str, call: Callable[..., Any], *arguments: float, is_last: bool = False) -> Any:
         """Return the result of a call; a link that fails, by whatever error, is lost: it is still stopped and closed."""

@@ -75,7 +75,8 @@ class Robot:
     def bench_config(self) -> GuardConfig:
         """Limits of the guard without a mission: a person commands the belts, slowly."""
         config = guard_config(replace(self.mission, loop="open", reports_ground=False), BENCH_PERIOD_S)
-        return replace(config, belt_limit_m_s=min(config.slow_limit_m_s, config.belt_limit_m_s), has_planner=False)
+        slow_m_s = min(config.slow_limit_m_s, config.belt_limit_m_s)
+        return replace(config, belt_limit_m_s=slow_m_s, has_planner=False, battery_least_v=self.file.limits.battery_least_v)
 
     def drive_config(self, period_s: float, frame_s: float) -> GuardConfig:
         """Limits of the guard for a drive.
@@ -88,7 +89,7 @@ class Robot:
             period_s: Control period [s].
             frame_s: Period of the camera's frames [s].
         """
-        config = guard_config(self.mission, period_s)
+        config = replace(guard_config(self.mission, period_s), battery_least_v=self.file.limits.battery_least_v)
         frozen_s = FilterConfig().stuck.for_s
         return replace(config, blind_timeout_s=frame_s + config.silence_s, vision_only_s=config.silence_s - frozen_s)
 

@@ -38,7 +38,7 @@ class LimitsTable(Settings):
     watchdog_s: Annotated[float, Field(gt=0.0, le=0.1)] = 0.1
     """Time without a command after which the box stops by itself."""
     battery_least_v: Positive | None = None
-    """Battery voltage below which the chair is not armed. Unset: not checked."""
+    """Battery voltage below which the chair is not armed, and held after 1 s. Unset: not checked."""
 
 
 class LinkTable(Settings):

@@ -69,7 +69,8 @@ def standard_messages_of(signal: Any, topic: str | None = None) -> list[RosMessa
             return [_write_plan(signal, topic)]
         case PlantState():
             level = 0 if signal.fault is None else 2
-            return [status(topic, signal.t_s, (level, "plant", signal.fault or "", "plant"), {}, "chair")]
+            battery = {} if signal.battery_v is None else {"battery_v": f"{signal.battery_v!r}"}
+            return [status(topic, signal.t_s, (level, "plant", signal.fault or "", "plant"), battery, "chair")]
         case HeadingHealth():
             return [_write_health(signal, topic)]
         case _ if type(signal) in JOINTED:
@@ -255,7 +256,8 @@ def _read_event(message: Any, t_s: float) -> Event:
 
 def _read_plant(message: Any, t_s: float) -> PlantState:
     found = _status_of(message)
-    return PlantState(t_s=t_s, fault=found.message if found.level else None)
+    battery_v = next((float(item.value) for item in found.values if item.key == "battery_v"), None)
+    return PlantState(t_s=t_s, fault=found.message if found.level else None, battery_v=battery_v)
 
 
 HEADINGS, EVENTS = "/stair/heading_measured/detail", "/diagnostics"
