@@ -82,6 +82,8 @@ class GuardConfig:
     """Time with frames but without a stair after which the guard holds [s]; the gyro carries the heading meanwhile."""
     heartbeat_timeout_s: float = 0.75
     """Longest silence of a process after its first heartbeat [s] (row 22)."""
+    processes: tuple[str, ...] = ()
+    """Processes of the graph, whose silence is a fault; nobody awaits the heartbeat of another."""
     lasting_s: float = 0.5
     """Duration after which slip, or a disagreement between camera and gyro, is a fault (rows 7 and 14), and window of the slip
     ratio [s]."""

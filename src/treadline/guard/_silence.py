@@ -98,15 +98,16 @@ class LinkSilence(Silence):
 
 
 class ProcessSilence(Silence):
-    """A process that has sent heartbeats ends.
+    """A process of the graph that has sent heartbeats ends.
 
     Time: 0.75 s.
+    Not covered: a process that is no node of the graph; nobody awaits it.
     """
 
     rows, hears, timeout = "22", (Heartbeat,), "heartbeat_timeout_s"
 
     def _name(self, message: Any) -> str | None:
-        return f"process {message.process}" if isinstance(message, Heartbeat) else None
+        return f"process {message.process}" if message.process in self._config.processes else None
 
 
 class PlanSilence(Silence):

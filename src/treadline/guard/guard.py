@@ -133,7 +133,7 @@ class Guard:
         return True
 
     def beat(self, process: str, t_s: float) -> None:
-        """Record the heartbeat of a process; its next ones are then expected."""
+        """Record the heartbeat of a process; of those of the graph the next ones are then expected."""
         self._hear(Heartbeat(t_s, process))
 
     def hold(self, cause: str) -> None:

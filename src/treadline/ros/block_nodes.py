@@ -273,7 +273,8 @@ class GuardNode:
 
     Args:
         config: Limits of the guard.
-        awaited: Nodes without which the chair does not start; the belts are braked until each has reported.
+        awaited: The other nodes of the graph: the belts are braked until each has reported, and its heartbeat is awaited from then
+            on. That of another node is not.
         sender: Id of this guard in its commands; another id on the bus is a second guard.
     """
 
@@ -282,7 +283,7 @@ class GuardNode:
     needs = ()
 
     def __init__(self, config: GuardConfig, awaited: tuple[str, ...] = (), sender: str = "chair") -> None:
-        self._guard = Guard(config)
+        self._guard = Guard(replace(config, processes=awaited))
         self._has_seat = config.seat_rate_m_s is not None
         self._sender = sender
         self._waits_for = dict.fromkeys(awaited, "")
@@ -375,7 +376,7 @@ class GuardNode:
             self._guard.propose(replace(command, t_s=self._t_s) if math.isnan(command.t_s) else command)
 
     def _receive(self, message: object) -> None:
-        if isinstance(message, on.Beat) and message.node not in (self.name, "recorder"):
+        if isinstance(message, on.Beat):
             if message.state == "ready":
                 self._waits_for.pop(message.node, None)
             elif message.node in self._waits_for:

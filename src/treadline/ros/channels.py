@@ -147,7 +147,7 @@ BEAT_S = 0.2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Beat:
-    """Heartbeat of a node; after the first the guard awaits the next."""
+    """Heartbeat of a node; after the first the guard awaits the next of each node of its graph."""
 
     t_s: float
     node: str

@@ -59,17 +59,18 @@ class LockStep:
     ) -> None:
         """Connect the nodes; those ``beside`` only subscribe, and ``mount`` is published for viewers."""
         self.transport: Transport = InProcess()
-        self.guard = GuardNode(config)
         self._plant = PlantNode(plant, config)
         driver = DriverNode(blocks.planner, blocks.driver, config)
         heading = HeadingNode(blocks.estimator, config, mount)
         camera = CameraNode(blocks.detector, config, blocks.swept_half_m)
         seat = [] if blocks.leveller is None else [SeatNode(blocks.leveller, config)]
+        blocks_of: list[Node] = [camera, *seat, driver, heading]
+        self.guard = GuardNode(config, tuple(node.name for node in blocks_of))
         # The guard gets each reading first, and publishes its commands last.
         listeners: list[Node] = [self._plant, self.guard, camera, heading, *seat, driver, *beside]
         for node in listeners:
             node.listen(self.transport)
-        self.nodes: list[Node] = [*beside, camera, *seat, driver, heading, self.guard]
+        self.nodes: list[Node] = [*beside, *blocks_of, self.guard]
         self._beside = len(beside)
         self._tick = 0
         self._plant.start()
