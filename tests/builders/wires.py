@@ -29,6 +29,7 @@ class Air(WireTransport):
     ) -> None:
         super().__init__(mount)
         self.ros1, self.kinds, self._nodes = ros1, kinds or {}, [] if nodes is None else nodes
+        self._name = f"node-{len(self._nodes)}"
         if nodes is not None:
             nodes.append(self)
         self.sent: list[tuple[str, Any]] = []
@@ -56,7 +57,7 @@ class Air(WireTransport):
     def _send(self, topic: str, data: bytes) -> None:
         for node in self._nodes:
             if topic in node.topics:
-                node.inbox.put(topic, data)
+                node.inbox.put(topic, data, self._name)
 
     def _receive(self, topic: str, kind: str, depth: int) -> None:  # noqa: ARG002 - the signature of the transport
         self.topics.add(topic)

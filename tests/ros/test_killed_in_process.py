@@ -4,15 +4,18 @@ import math
 from types import SimpleNamespace
 
 import pytest
+from node_messages import SIGNALS
 from world import health, limits
 
 from treadline.core.ports import Truth
 from treadline.core.signals import HeadingHealth, OperatorInput, TrackCommand, VelocityCommand
 from treadline.mission.mission_blocks import build_blocks, guard_config
+from treadline.mission.replay_plant import ReplayPlant
 from treadline.plant.mujoco import open_plant
 from treadline.ros import channels as on
 from treadline.ros.block_nodes import GuardNode, HeadingNode
 from treadline.ros.lockstep import InProcess, LockStep
+from treadline.ros.plant_node import PlantNode
 from treadline.run.resolve import mission_config
 from treadline.scenario.scenario import Scenario
 from treadline.scenario.shipped_files import shipped_controller
@@ -54,6 +57,44 @@ def test_the_guard_holds_for_a_node_that_is_gone(name: str) -> None:
     run_until(graph, KILLED_S + WITHIN_S)
     assert states[-1].holding is not None
     assert states[-1].t_s - KILLED_S <= WITHIN_S
+
+
+@pytest.mark.parametrize("is_second", [True, False], ids=["a second one", "one in the place of the first"])
+def test_a_second_driver_is_held_and_named_within_a_second(*, is_second: bool) -> None:
+    graph, other = turning()[0], turning()[0]
+    states: list[on.GuardState] = []
+    graph.transport.subscribe(on.GUARD, states.append)
+    run_until(graph, KILLED_S)
+    if not is_second:
+        kill(graph, "driver")
+    driver = next(node for node in other.nodes if node.name == "driver")
+    driver.listen(graph.transport.end(driver.name))
+    graph.nodes.insert(0, driver)
+    graph.transport.publish(on.DIAGNOSTICS, on.Beat(t_s=KILLED_S, node="viewer"))  # nobody awaits the next
+    run_until(graph, KILLED_S + LOST_S)
+    held = ["two sources of /plan, driver and driver 2; stop one of them"] if is_second else []
+    assert [state.holding for state in states] == held
+
+
+FIRST = dict(reversed(SIGNALS))
+
+
+@pytest.mark.parametrize("channel", sorted(FIRST.keys() - {on.DIAGNOSTICS, on.CLOCK, on.ODOM}))
+def test_two_publishers_of_what_a_node_hears_are_held_and_named_within_a_second(channel: str) -> None:
+    """Test: two nodes publish, 2 s apart, then within 0.9 s; the camera's node alone hears images. Expected result: a hold then."""
+    now, held = [0.0], list[str | None]()
+    bus = InProcess(lambda: now[0])
+    for node in (GuardNode(limits()), PlantNode(ReplayPlant([]), limits())):
+        node.listen(bus.end(node.name))
+    for heard in (on.CAMERA, on.CAMERA_QUALITY):
+        bus.end("camera").subscribe(heard, lambda _: None)
+    bus.subscribe(on.GUARD, lambda state: held.append(state.holding))
+    left, right = bus.end("left"), bus.end("right")
+    found = f"two sources of {channel}, left and right; stop one of them"
+    for now[0], end in ((0.0, left), (2.0, right), (4.0, left), (4.1, right), (4.9, left)):
+        assert found not in held
+        end.publish(channel, FIRST[channel])
+    assert found in held
 
 
 def test_a_velocity_drives_through_the_guard_and_no_faster_than_it_allows() -> None:

@@ -5,6 +5,7 @@ ROS 2's half needs its environment: ``make test-ros2`` runs it.
 
 import importlib
 import os
+import re
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -21,19 +22,20 @@ from treadline.core.signals import OperatorInput, SeatReading, TrackCommand
 from treadline.ros import channels as on
 from treadline.ros.lockstep import InProcess
 
-Ends = tuple[Transport, Transport, Callable[[], object]]
-"""Two nodes, and what lets waiting messages arrive at the second one."""
+Ends = tuple[Transport, Transport, Callable[[], object], Transport]
+"""Two nodes, what lets waiting messages arrive at the second one, and a third node."""
 
 
 def in_process() -> Iterator[Ends]:
     bus = InProcess()
-    yield bus, bus, lambda: bus.deliver(0.0)
+    first, second, third = (bus.end(f"node-{k}") for k in range(3))
+    yield first, second, lambda: second.deliver(0.0), third
 
 
 def wire(*, ros1: bool) -> Iterator[Ends]:
     nodes: list[Air] = []
-    first, second = (Air(nodes=nodes, mount=CAMERA, ros1=ros1) for _ in range(2))
-    yield first, second, lambda: second.deliver(0.0)
+    first, second, third = (Air(nodes=nodes, mount=CAMERA, ros1=ros1) for _ in range(3))
+    yield first, second, lambda: second.deliver(0.0), third
 
 
 def ros2() -> Iterator[Ends]:
@@ -43,11 +45,11 @@ def ros2() -> Iterator[Ends]:
     context = rclpy.Context()
     rclpy.init(context=context, domain_id=1 + os.getpid() % 99)
     executor = events.EventsExecutor(context=context)
-    nodes = [rclpy.create_node(name, context=context) for name in ("first", "second")]
+    nodes = [rclpy.create_node(name, context=context) for name in ("first", "second", "third")]
     for node in nodes:
         executor.add_node(node)
-    first, second = (transport(node, lambda call, *arguments: call(*arguments), CAMERA) for node in nodes)
-    yield first, second, lambda: executor.spin_once(timeout_sec=0.02)
+    first, second, third = (transport(node, lambda call, *arguments: call(*arguments), CAMERA) for node in nodes)
+    yield first, second, lambda: executor.spin_once(timeout_sec=0.02), third
     executor.shutdown()
     context.try_shutdown()
 
@@ -70,7 +72,7 @@ def ends(request: pytest.FixtureRequest) -> Iterator[Ends]:
 def connect(ends: Ends, channel: str, signal: Any, take: Callable[[Any], object]) -> None:
     """Subscribe at the second node, and publish at the first until the second hears it: discovery takes a moment."""
     heard: list[Any] = []
-    first, second, _ = ends
+    first, second, *_ = ends
     second.subscribe(channel, heard.append)
     first.announce(channel)
     arrive(ends, lambda: bool(first.publish(channel, signal)) or bool(heard))
@@ -135,3 +137,21 @@ def test_nothing_arrives_at_a_node_that_has_left(ends: Ends) -> None:
     ends[0].publish(on.SEAT, seat)
     arrive(ends, lambda: True)
     assert heard == []
+
+
+@pytest.mark.parametrize("channel", [*on.SENSORS, *on.DETECTED, on.PLAN, on.TRACKS_PROPOSED, on.GUARD])
+def test_two_publishers_are_found_and_named_and_one_in_the_place_of_another_is_none(ends: Ends, channel: str) -> None:
+    """Test: one node publishes, then another, then both by turns. Expected result: both are named, within 1 s of the turns."""
+    causes: list[str] = []
+    ends[1].on_two_sources = causes.append  # type: ignore[attr-defined]
+    ends[1].subscribe(on.DIAGNOSTICS, lambda event: causes.append(event.cause))
+    signal = dict(SIGNALS)[channel]
+    connect(ends, channel, signal, lambda _: None)
+    connect((ends[3], *ends[1:]), channel, signal, lambda _: None)
+    assert causes == []
+    began_s = time.monotonic()
+    for node in (ends[0], ends[3], ends[0]):
+        node.publish(channel, signal)
+        arrive(ends, lambda: True)
+    assert time.monotonic() - began_s < 1.0
+    assert re.fullmatch(rf"two sources of {channel}\S*, (node-0 and node-2|/first and /third); stop one of them", causes[0])

@@ -4,6 +4,7 @@
 """
 
 import os
+import re
 import shutil
 import socket
 import subprocess
@@ -119,6 +120,35 @@ def test_nothing_is_lost_between_two_processes(roscore: dict[str, str]) -> None:
     source = subprocess.Popen([sys.executable, "-c", SOURCE], env=roscore)
     assert source.wait(60) == 0
     assert sink.wait(60) == 0
+
+
+LISTENER = """
+import time
+from treadline.ros import channels as on
+from treadline.ros.ros1 import Ros1Transport
+wire, began, held = Ros1Transport("listener"), [], []
+wire.subscribe(on.SEAT, lambda seat: began.append(time.monotonic()) if seat.pitch_rad == 1.0 else None)
+wire.subscribe(on.GUARD, lambda state: held.append(state.holding) if state.holding else None)
+deadline = time.monotonic() + 40
+while not held and time.monotonic() < deadline:
+    wire.deliver(0.05)
+print(time.monotonic() - began[0], *held)
+"""
+
+
+def test_two_sources_of_a_sensor_are_held_and_named_within_a_second(roscore: dict[str, str]) -> None:
+    pub = ("rostopic", "pub", "-r", "50", "/seat/state", "sensor_msgs/JointState")
+    started = [subprocess.Popen([*TREADLINE, "node", "guard", "--clock", "wall"], env=roscore)]
+    started.append(subprocess.Popen([*pub, "{position: [0.1, 0.2]}"], env=roscore))
+    listener = subprocess.Popen([sys.executable, "-c", LISTENER], env=roscore, stdout=subprocess.PIPE, text=True)
+    time.sleep(8.0)  # all are there
+    started.append(subprocess.Popen([*pub, "{position: [0.1, 1.0]}"], env=roscore))
+    took, said = listener.communicate(timeout=60)[0].split(maxsplit=1)
+    for process in started:
+        process.kill()
+        process.wait()
+    assert float(took) < 1.0
+    assert re.match(r"two sources of /seat/state, /rostopic_\S+ and /rostopic_\S+; stop one of them", said)
 
 
 def line_of(command: list[str], env: dict[str, str]) -> str:

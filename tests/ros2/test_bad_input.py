@@ -100,4 +100,5 @@ def test_two_guards_in_a_namespace(started: Callable[..., Any], watching: Callab
     for name in ("guard_left", "guard_right"):
         started("guard", given=("-r", "__ns:=/twice", "-r", f"__node:={name}"), sim=False)
     bystander.until(lambda: len({state.sender for state in states if state.holding}) == 2, "both hold")
-    assert all(re.search(r"another guard, \S+, is on the bus of \S+; stop one of them", s.holding) for s in states if s.holding)
+    said = "(guard: )?two sources of /guard/state, /twice/guard_left and /twice/guard_right; stop one of them"
+    assert all(re.fullmatch(said, state.holding) for state in states if state.holding)

@@ -1,6 +1,7 @@
 """The graph as a user of ROS 2 changes it: two chairs, other drivers, parameters, the life cycle, and nodes that end."""
 
 import math
+import re
 import signal
 import time
 from collections.abc import Callable
@@ -50,6 +51,23 @@ def test_two_chairs_in_one_graph(started: Callable[..., Any], watching: Callable
     passed_s = right.t_s + 2.0
     right.until(lambda: right.t_s > passed_s, "two more seconds of the right chair")
     assert [state.holding for state in states[right] if state.holding] == []
+
+
+def test_a_second_source_of_a_sensor_holds_and_both_are_named(
+    started: Callable[..., Any], watching: Callable[..., Any], roles: tuple[str, ...]
+) -> None:
+    """Test: a chair that drives, and another node that repeats what its IMU says. Expected result: a hold within 1 s."""
+    bystander = watching("/twin")
+    bystander.watch_clock("clock")
+    states, samples = bystander.hear_signals(on.GUARD), bystander.hear_signals(on.IMU)
+    speak = bystander.speaker(on.IMU, qos_profile_sensor_data)
+    started(*roles, given=in_("/twin", "-p", "pace:=0.5"))
+    bystander.until(lambda: bystander.t_s > 1.0, "a second of driving")
+    assert [state.holding for state in states if state.holding] == []
+    bystander.node.create_timer(0.02, lambda: speak(samples[-1]))
+    bystander.until(lambda: any(state.holding for state in states), "a hold", 1.0)
+    held = next(state.holding for state in states if state.holding)
+    assert re.fullmatch("(.*: )?two sources of /imu, /twin/bystander and /twin/plant; stop one of them", held)
 
 
 def test_life_cycle_and_parameters(started: Callable[..., Any], watching: Callable[..., Any], roles: tuple[str, ...]) -> None:

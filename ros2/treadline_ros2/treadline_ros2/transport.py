@@ -6,6 +6,7 @@ Messages travel serialised: one codec writes and reads them for every transport.
 
 from collections.abc import Callable
 import importlib
+import inspect
 import math
 from typing import Any
 
@@ -104,8 +105,12 @@ class RclpyTransport(WireTransport):
         self._publishers[topic].publish(data)
 
     def _receive(self, topic: str, kind: str, depth: int) -> None:
-        def receive(data: bytes) -> None:
-            self._attempt(self._take, topic, data)
+        def receive(*come: Any) -> None:
+            # The events executor of Kilted hands over data and information as one tuple.
+            data, information = come if len(come) == 2 else come[0]
+            self._attempt(self._take_from, topic, data, information)
+
+        receive.__signature__ = inspect.signature(self._take)  # of two arguments
 
         def tick(data: bytes) -> None:
             self.inbox.newest[topic] = self._clock = data
@@ -135,6 +140,22 @@ class RclpyTransport(WireTransport):
             event_callbacks=misfits,
         )
         self._subscriptions.append(subscription)
+
+    def _take_from(self, topic: str, data: bytes, information: Any) -> None:
+        """Deliver a message, and record its publisher where rclpy names it (Kilted and later)."""
+        publisher = information.get('publisher_gid')
+        self.inbox.note(topic, '' if publisher is None else publisher['data'].hex())
+        self._take(topic, data)
+
+    def _node_name(self, topic: str, sender: str) -> str:
+        name = self._node.resolve_topic_name(named(topic))
+        found = self._node.get_publishers_info_by_topic(name)
+        names = (
+            f'{info.node_namespace.rstrip("/")}/{info.node_name}'
+            for info in found
+            if bytes(info.endpoint_gid).hex() == sender
+        )
+        return next(names, sender)
 
     def _deliver_clock(self) -> None:
         """

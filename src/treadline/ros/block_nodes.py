@@ -14,6 +14,7 @@ from treadline.core.ports import Reading, Transport
 from treadline.core.signals import (
     TICK_S,
     CommandSource,
+    Event,
     FlipperCommand,
     FrameQuality,
     HeadingEstimate,
@@ -275,7 +276,7 @@ class GuardNode:
         config: Limits of the guard.
         awaited: The other nodes of the graph: the belts are braked until each has reported, and its heartbeat is awaited from then
             on. That of another node is not.
-        sender: Id of this guard in its commands; another id on the bus is a second guard.
+        sender: Id of this guard in its commands; the guard at the actuators obeys one id.
     """
 
     name = "guard"
@@ -313,7 +314,7 @@ class GuardNode:
             transport.subscribe(channel, self._guard.propose)
         transport.subscribe(on.TWIST, self._take_velocity)
         transport.subscribe(on.DIAGNOSTICS, self._receive)
-        transport.subscribe(on.GUARD, self._check_other)
+        transport.subscribe(on.GUARD, lambda _: None)  # so that the transport finds a second guard
 
     def advance(self, t_s: float) -> None:
         """Set the clock."""
@@ -351,10 +352,6 @@ class GuardNode:
     def _command(self, channel: str, command: TrackCommand | SeatCommand | FlipperCommand) -> None:
         self._publish(channel, replace(command, sender=self._sender))
 
-    def _check_other(self, state: on.GuardState) -> None:
-        if state.sender != self._sender:
-            self.hold(f"another guard, {state.sender}, is on the bus of {self._sender}; stop one of them")
-
     def _admit(self, reading: Reading) -> None:
         self._guard.admit(reading)
         self._report_state()
@@ -376,7 +373,9 @@ class GuardNode:
             self._guard.propose(replace(command, t_s=self._t_s) if math.isnan(command.t_s) else command)
 
     def _receive(self, message: object) -> None:
-        if isinstance(message, on.Beat):
+        if isinstance(message, Event) and message.name == on.TWO_SOURCES:
+            self.hold(message.cause)
+        elif isinstance(message, on.Beat):
             if message.state == "ready":
                 self._waits_for.pop(message.node, None)
             elif message.node in self._waits_for:

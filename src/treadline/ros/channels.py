@@ -1,8 +1,11 @@
 """Channels of the graph: their topics and standard message types on a wire, their quality of service, and signals of nodes alone.
 
+``Senders`` finds two nodes that publish one topic.
+
 Paper: Fig. 7. Clock, heartbeat, state of the guard, joint angles and mounts are no signals of the mission.
 """
 
+import math
 from dataclasses import dataclass
 
 from treadline.core.camera_images import PinholeCamera
@@ -132,6 +135,47 @@ DETECTED, COMMANDS = (QUALITY, GROUND, MEASURED, MAP), (TRACKS_CMD, SEAT_CMD, FL
 """Channels of the camera node, and of the guard's commands."""
 LOGGED = (*SENSORS, *DETECTED, *COMMANDS, PLANT, ESTIMATE, DIAGNOSTICS, TRUTH, ODOM, MOUNTS)
 """Channels that the recorder keeps."""
+
+TWO_SOURCES = "two_sources"
+"""Event of any node that hears two publishers of one topic; the guard holds for it."""
+TOGETHER_S = 1.0
+"""Longest time between two messages of one publisher, with one of another in between, by which both are there [s]."""
+
+
+class Senders:
+    """The senders of each topic; two that send by turns are two sources.
+
+    A node in the place of one that ended is no second source: the first does not send again. Diagnostics come from all nodes.
+    """
+
+    def __init__(self) -> None:
+        self._sent_s: dict[str, dict[str, float]] = {}
+        """Time of the last message of each sender, by topic; the last sender comes last."""
+        self._declared_s: dict[str, float] = {}
+
+    def other(self, topic: str, sender: str, now_s: float) -> str | None:
+        """Record a message; return the second source of its topic where there is one, once per ``TOGETHER_S``.
+
+        Args:
+            topic: The message's topic.
+            sender: Id of its publisher; empty where it is not known.
+            now_s: Time of its arrival [s].
+        """
+        if not sender or topic == DIAGNOSTICS:
+            return None
+        sent_s = self._sent_s.setdefault(topic, {})
+        last = next(reversed(sent_s), sender)
+        before_s, sent_s[sender] = sent_s.pop(sender, -math.inf), now_s
+        declared_s = self._declared_s.get(topic, -math.inf)
+        if last == sender or now_s - before_s > TOGETHER_S or now_s - declared_s < TOGETHER_S:
+            return None
+        self._declared_s[topic] = now_s
+        return last
+
+
+def two_sources(topic: str, *nodes: str) -> str:
+    """Return the cause of a hold for two publishers of one topic."""
+    return f"two sources of {topic}, {' and '.join(sorted(nodes))}; stop one of them"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,13 +3,14 @@
 Its transport is in-process: ``publish`` calls the subscribers, and returns when they have.
 """
 
-from collections import defaultdict
+import time
+from collections import Counter, defaultdict
 from collections.abc import Callable
 from typing import Any
 
 from treadline.core.camera_images import PinholeCamera
-from treadline.core.ports import Plant, Transport
-from treadline.core.signals import TICK_S
+from treadline.core.ports import Plant
+from treadline.core.signals import TICK_S, Event
 from treadline.guard import GuardConfig
 from treadline.mission.loop import Blocks
 from treadline.ros import channels as on
@@ -18,22 +19,37 @@ from treadline.ros.plant_node import PlantNode
 
 
 class InProcess:
-    """Transport of one process, without copies, threads and queues; subscribers are called in the order of subscription."""
+    """Transport of one process, without copies, threads and queues; subscribers are called in the order of subscription.
 
-    def __init__(self) -> None:
-        self._takers: defaultdict[str, list[Callable[[Any], object]]] = defaultdict(list)
+    Args:
+        now: Clock by which two publishers of one channel are found [s].
+    """
+
+    def __init__(self, now: Callable[[], float] = time.monotonic) -> None:
+        self._sender, self._now, self._senders = "unnamed", now, on.Senders()
+        self._takers: defaultdict[str, list[tuple[Callable[[str, str], None], Callable[[Any], object]]]] = defaultdict(list)
+        self._names: Counter[str] = Counter()
+
+    def end(self, node: str) -> "InProcess":
+        """Return the end of the bus at which a node speaks and listens; the second of a name has a number, too."""
+        end = InProcess(self._now)
+        end._takers, end._names = self._takers, self._names
+        self._names[node] += 1
+        end._sender = node if self._names[node] == 1 else f"{node} {self._names[node]}"
+        return end
 
     def announce(self, channel: str) -> None:
         """Do nothing."""
 
     def publish(self, channel: str, signal: Any) -> None:
         """Deliver a signal to all subscribers of a channel."""
-        for take in self._takers[channel]:
+        for note, take in self._takers[channel]:
+            note(channel, self._sender)
             take(signal)
 
     def subscribe(self, channel: str, take: Callable[[Any], object]) -> None:
         """Subscribe to a channel."""
-        self._takers[channel].append(take)
+        self._takers[channel].append((self._note, take))
 
     def deliver(self, timeout_s: float) -> int:
         """Return zero: no message waits."""
@@ -41,8 +57,16 @@ class InProcess:
         return 0
 
     def close(self) -> None:
-        """Remove all subscriptions."""
-        self._takers.clear()
+        """Remove the subscriptions of this end."""
+        for channel, takers in self._takers.items():
+            self._takers[channel] = [(note, take) for note, take in takers if note != self._note]
+
+    def _note(self, channel: str, sender: str) -> None:
+        """Report two publishers of a channel; the guard holds for it."""
+        other = self._senders.other(channel, sender, self._now())
+        if other is not None:
+            cause = on.two_sources(channel, other, sender)
+            self.publish(on.DIAGNOSTICS, Event(t_s=self._now(), name=on.TWO_SOURCES, cause=cause))
 
 
 class LockStep:
@@ -58,7 +82,8 @@ class LockStep:
         mount: PinholeCamera | None = None,
     ) -> None:
         """Connect the nodes; those ``beside`` only subscribe, and ``mount`` is published for viewers."""
-        self.transport: Transport = InProcess()
+        self._tick = 0
+        self.transport = InProcess(lambda: self._tick * TICK_S)
         self._plant = PlantNode(plant, config)
         driver = DriverNode(blocks.planner, blocks.driver, config)
         heading = HeadingNode(blocks.estimator, config, mount)
@@ -69,10 +94,9 @@ class LockStep:
         # The guard gets each reading first, and publishes its commands last.
         listeners: list[Node] = [self._plant, self.guard, camera, heading, *seat, driver, *beside]
         for node in listeners:
-            node.listen(self.transport)
+            node.listen(self.transport.end(node.name))
         self.nodes: list[Node] = [*beside, *blocks_of, self.guard]
         self._beside = len(beside)
-        self._tick = 0
         self._plant.start()
 
     def tick(self) -> float:

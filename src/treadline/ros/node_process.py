@@ -64,6 +64,7 @@ class NodeRunner:
         self._began, self._looked = time.monotonic(), False
         self._watchdog = LoopWatchdog(self._hold, limit_s=SILENCE_S)
         transport.on_broken = lambda reason: self._report("dropped", reason)
+        transport.on_two_sources = self._hold_for_two
         transport.announce(on.DIAGNOSTICS)
         for channel in node.publishes:
             transport.announce(channel)
@@ -131,6 +132,11 @@ class NodeRunner:
     def _hold(self, cause: str) -> None:
         if isinstance(self._node, GuardNode):
             self._node.hold(cause)
+
+    def _hold_for_two(self, cause: str) -> None:
+        """Hold for two publishers of one topic, and have the guard hold where this node is another."""
+        self._hold(cause)
+        self._report(on.TWO_SOURCES, cause)
 
     def _report(self, name: str, cause: str) -> None:
         self._transport.publish(on.DIAGNOSTICS, Event(t_s=self._t_s, name=name, cause=f"{self._node.name}: {cause}"))

@@ -61,7 +61,7 @@ class Ros1Transport(WireTransport):
         self._rospy.Subscriber(
             topic,
             _raw(kind),
-            lambda message: inbox.put(topic, _bytes_of(message)),
+            lambda message: inbox.put(topic, _bytes_of(message), getattr(message, "_connection_header", {}).get("callerid", "")),
             queue_size=max(depth, 10),
             buff_size=IMAGE_BUFFER if kind == IMAGE else BUFFER,
             tcp_nodelay=True,

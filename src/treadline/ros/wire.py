@@ -1,5 +1,6 @@
 """Common part of the transports over a wire: an inbox filled by any thread, delivered in one, the newest where not all fit."""
 
+import time
 from collections import Counter, deque
 from collections.abc import Callable
 from threading import Condition
@@ -9,7 +10,7 @@ from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import LogFormatError
 from treadline.io.message_types import store
 from treadline.ros._codec import Decoder, encoded
-from treadline.ros.channels import CHANNELS, Channel, Topic
+from treadline.ros.channels import CHANNELS, Channel, Senders, Topic, two_sources
 
 _Subscriber = tuple[str, Decoder, Callable[[Any], object]]
 """Channel, its decoder, and the function that receives its signals."""
@@ -23,6 +24,9 @@ class Inbox:
         self._counts: Counter[str] = Counter()
         self._depths: dict[str, int] = {}
         self._come = Condition()
+        self._senders = Senders()
+        self.second: deque[tuple[str, str, str]] = deque()
+        """Topics with two sources, and both, that are not reported yet."""
         self.newest: dict[str, bytes] = {}
         """Last message received on each topic, whether it has been delivered or still waits."""
         self.lost: Counter[str] = Counter()
@@ -32,9 +36,16 @@ class Inbox:
         """Take messages of a topic."""
         self._depths[topic] = max(depth, self._depths.get(topic, 0))
 
-    def put(self, topic: str, data: bytes) -> None:
+    def note(self, topic: str, sender: str) -> None:
+        """Record who sent a message, whether it is delivered or gives way to a newer one."""
+        other = self._senders.other(topic, sender, time.monotonic())
+        if other is not None:
+            self.second.append((topic, other, sender))
+
+    def put(self, topic: str, data: bytes, sender: str = "") -> None:
         """Take one message; called by whatever thread brings it."""
         with self._come:
+            self.note(topic, sender)
             if self._counts[topic] < self._depths[topic]:
                 self._counts[topic] += 1
             else:
@@ -78,6 +89,8 @@ class WireTransport:
         """Receives channel and signal before each subscriber does."""
         self.on_broken: Callable[[str], object] = lambda _reason: None
         """Receives topic and reason of the first broken message of each series."""
+        self.on_two_sources: Callable[[str], object] = lambda _cause: None
+        """Receives which topic has two publishers, and which they are."""
         self.spare = 1
         """Factor on the depth of each channel."""
 
@@ -129,6 +142,9 @@ class WireTransport:
 
     def _take(self, topic: str, data: bytes) -> None:
         """Deliver one message; a broken one is dropped and counted."""
+        while self.inbox.second:
+            topic_of_two, *senders = self.inbox.second.popleft()
+            self.on_two_sources(two_sources(topic_of_two, *(self._node_name(topic_of_two, sender) for sender in senders)))
         for channel, decoder, take in self._takers[topic]:
             try:
                 signal = decoder.signal(topic, data)
@@ -181,8 +197,13 @@ class WireTransport:
         raise NotImplementedError
 
     def _receive(self, topic: str, kind: str, depth: int) -> None:
-        """Have ``inbox.put(topic, data)`` called for each message."""
+        """Have ``inbox.put(topic, data, sender)`` called for each message."""
         raise NotImplementedError
+
+    def _node_name(self, topic: str, sender: str) -> str:
+        """Return the name of a topic's publisher."""
+        del topic
+        return sender
 
     def _kinds(self, topic: str) -> list[str]:
         """Return the types, as ROS 2 writes them, that a topic is published as."""
