@@ -5,14 +5,17 @@ Times are those of the emulator's clock. A ``Rig`` runs drives and host in turns
 
 import re
 import select
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 from processes import wait_for
 
 from treadline.core.signals import TICK_S
+from treadline.hardware import _can_link
 from treadline.hardware._can_link import CanSimpleLink
 from treadline.hardware._serial_link import SerialLink
 from treadline.hardware.emulators._can import CanAxes
@@ -103,6 +106,25 @@ class Rig:
         self.run(0.7, 0.0, 0.0)
 
 
+class Unthreaded:
+    """``DeviceThreads`` whose calls reach the bus at once: a bus of this process makes nobody wait."""
+
+    def __init__(self, receive: Any, transmit: Any, gone: Any) -> None:
+        del gone
+        self._receive, self.write = receive, transmit
+
+    def read(self) -> list[tuple[float, Any]]:
+        return [(time.monotonic(), item) for item in iter(lambda: self._receive(0.0), None)]
+
+    def close(self) -> None:
+        pass
+
+
+def unthreaded() -> Any:
+    """Return a context in which links to a CAN bus have no threads, so that drives and host run in turns."""
+    return patch.object(_can_link, "DeviceThreads", Unthreaded)
+
+
 def serial_rig(folder: Path, *faults: str) -> Rig:
     """Return a box on a serial line."""
     chair, given, terminal = FlatChair(), Faults(faults), Terminal(folder / "box")
@@ -118,5 +140,6 @@ def can_rig(folder: Path, *faults: str) -> Rig:
     """Return two axes on a bus of this process."""
     chair, bus = FlatChair(), {"interface": "virtual", "channel": str(folder)}
     axes = CanAxes(chair, Faults(faults), Terminal(folder / "sensors"), bus)
-    link = CanSimpleLink(left_node=1, right_node=2, wheel_radius_m=PULLEY_M, limits=LIMITS, **bus)
+    with unthreaded():
+        link = CanSimpleLink(left_node=1, right_node=2, wheel_radius_m=PULLEY_M, limits=LIMITS, **bus)
     return Rig(chair, link, lambda: list(axes.step()), link.poll)

@@ -1,15 +1,16 @@
 """What one link has and others do not, beyond ``test_drive_contract``: ports, versions, joints, axes; and what each error says."""
 
 import os
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
-from threading import Thread
+from threading import Event, Thread
 from types import SimpleNamespace
 from unittest.mock import Mock
 
 import pytest
-from emulated_chair import LIMITS, PULLEY_M, can_rig
+from emulated_chair import LIMITS, PULLEY_M, can_rig, unthreaded
 from firmware_memory import HAS_COMPILER
 from processes import wait_for
 
@@ -28,6 +29,7 @@ from treadline.hardware._can_link import CanSimpleLink
 from treadline.hardware._frame import Present, frame_of
 from treadline.hardware._robot_plant import CameraThread
 from treadline.hardware._serial_link import SerialLink
+from treadline.hardware.device_threads import ARRIVED, WAITING, DeviceThreads
 from treadline.hardware.emulators._faults import Faults
 from treadline.hardware.emulators._firmware import DriveBox, Inputs, Readings
 from treadline.hardware.emulators._serial import SOUND
@@ -52,16 +54,22 @@ def test_errors_of_a_port_are_one_line_with_the_remedy(line: tuple[int, str, Exi
     link = SerialLink(port=port, limits=LIMITS)
     with pytest.raises(LinkError, match=f"{port} is in use by another program; end it, or give another port"):
         SerialLink(port=port, limits=LIMITS)
-    os.write(near, frame_of(b"\x02" + bytes(76)))
-    with pytest.raises(LinkError, match=r"speaks version 2 .* program version 1; write the firmware of the same release"):
-        wait_for(lambda: bool(link.poll()))
     os.write(near, b"\x55\0" * 10)
     with pytest.raises(LinkError, match=r"sent no frame of a box within 2 s \(\d+ broken ones\); check the port, the bit rate"):
         wait_for(lambda: bool(link.poll()))
     ends.close()
+    wait_for(lambda: link._line._threads._error)
     with pytest.raises(LinkError, match=r"the device at .* has gone .*; connect it and start again"):
         link.poll()
     link.send(0.1, 0.1)  # raises nothing: poll names the cause
+    link.close()
+
+
+def test_a_box_of_another_version_is_named(line: tuple[int, str, ExitStack]) -> None:
+    link = SerialLink(port=line[1], limits=LIMITS)
+    os.write(line[0], frame_of(b"\x02" + bytes(76)))
+    with pytest.raises(LinkError, match=r"speaks version 2 .* program version 1; write the firmware of the same release"):
+        wait_for(lambda: bool(link.poll()))
     link.close()
 
 
@@ -123,6 +131,38 @@ def test_a_box_that_reads_nothing_does_not_keep_the_host(line: tuple[int, str, E
     link.close()
 
 
+@pytest.mark.parametrize("side", ["reader", "writer"])
+def test_a_thread_that_ends_is_named_after_what_had_arrived(side: str) -> None:
+    items, broken = iter([b"first", b"second"]), Mock(side_effect=RuntimeError("no driver"))
+    receive = Mock(side_effect=lambda _: next(items, None) or (broken() if side == "reader" else None))
+    threads: DeviceThreads[bytes, bytes] = DeviceThreads(receive, broken, lambda error: f"the device has gone ({error})")
+    threads.write(b"command")
+    wait_for(lambda: receive.call_count > 2 and broken.called and threads._error)
+    assert [item for _, item in threads.read()] == [b"first", b"second"]
+    with pytest.raises(LinkError, match=r"^the device has gone \(no driver\)$"):
+        threads.read()
+    threads.close()
+
+
+def test_a_device_that_waits_keeps_nobody_waiting_and_then_gets_the_newest_command_alone() -> None:
+    """Test: a device that neither reads nor writes for a moment. Expected: stamps of arrival; of 1,000 commands those in hand."""
+    waits, written = Event(), list[int]()
+    threads: DeviceThreads[bytes, int] = DeviceThreads(
+        lambda _: waits.wait() and b"state", lambda item: (waits.wait(), written.append(item)), str
+    )
+    began_s = time.monotonic()
+    for number in range(1000):
+        threads.write(number)
+    assert time.monotonic() - began_s < 0.1
+    waits.set()
+    threads.close()
+    assert written[-1] == 999
+    assert len(written) <= 1 + WAITING
+    arrived = threads.read()
+    assert 0 < len(arrived) <= ARRIVED
+    assert all(began_s <= t_s <= time.monotonic() for t_s, _ in arrived)
+
+
 def test_an_emulator_shows_nothing_of_the_one_before(tmp_path: Path) -> None:
     """Neither its last frame nor its calibration, which may be of another chair."""
     for name in ("chair.frame", "chair.camera.toml"):
@@ -146,7 +186,8 @@ def test_a_fault_that_does_not_exist_is_named() -> None:
 
 def can_link(bus: dict[str, object], **changed: float) -> CanSimpleLink:
     numbers = {"left_node": 1, "right_node": 2, "wheel_radius_m": PULLEY_M} | changed
-    return CanSimpleLink(limits=LIMITS, **numbers, **bus)
+    with unthreaded():
+        return CanSimpleLink(limits=LIMITS, **numbers, **bus)
 
 
 def test_each_rearm_of_the_axes_proves_their_watchdogs_and_an_axis_stops_with_the_other(tmp_path: Path) -> None:

@@ -53,12 +53,11 @@ class Bno055Link:
         axes = axis_map(forward, up)
         self._name, self._line = f"the BNO055 at {port}", SerialLine(port, 115_200)
         self._received, self._asked_s, self._heard_s = b"", 0.0, time.monotonic()
-        chip = self._answer_to(READ_CHIP)
-        if chip != CHIP:
-            raise LinkError(f"{self._name} reports chip id 0x{chip[2:].hex()}, not 0xa0: another device; correct port")
-        for command in (CONFIGURE, SET_UNITS, SET_AXES + axes, FUSE):
-            self._answer_to(command)
-            time.sleep(ANSWER_S)
+        try:
+            self._begin(axes)
+        except LinkError:
+            self._line.close()
+            raise
 
     def poll(self) -> Sequence[ImuSample]:
         """Return the sample that has been asked for, and ask for the next; one that is lost or refused is asked for again.
@@ -69,7 +68,8 @@ class Bno055Link:
         answer = self._answer()
         if answer is None and time.monotonic() - self._asked_s < ANSWER_S:
             return []
-        samples = [] if answer is None else _samples(answer, self._asked_s)
+        # More than one answer: some came late, and which question each answers is unknown.
+        samples = [] if answer is None else _samples(self._received, self._asked_s)
         if samples:
             self._heard_s = self._asked_s
         elif self._asked_s - self._heard_s > SPEAKS_S:
@@ -81,6 +81,15 @@ class Bno055Link:
         """Release the port."""
         self._line.close()
 
+    def _begin(self, axes: bytes) -> None:
+        """Configure the sensor for the axes of the chair, and begin the fusion."""
+        chip = self._answer_to(READ_CHIP)
+        if chip != CHIP:
+            raise LinkError(f"{self._name} reports chip id 0x{chip[2:].hex()}, not 0xa0: another device; correct port")
+        for command in (CONFIGURE, SET_UNITS, SET_AXES + axes, FUSE):
+            self._answer_to(command)
+            time.sleep(ANSWER_S)
+
     def _ask(self, command: bytes) -> None:
         """Send a command; what is left of an earlier answer is dropped."""
         self._line.read()
@@ -89,7 +98,7 @@ class Bno055Link:
 
     def _answer(self) -> bytes | None:
         """Return the answer; None before it is whole."""
-        self._received += self._line.read()
+        self._received += b"".join(data for _, data in self._line.read())
         if len(self._received) < 2:
             return None
         length = {DATA: 2 + self._received[1], STATUS: 2}.get(self._received[:1], len(self._received) + 1)

@@ -9,7 +9,7 @@ import contextlib
 import math
 import time
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -18,6 +18,7 @@ import can
 from treadline.core.errors import LinkError
 from treadline.hardware import _can_simple as simple
 from treadline.hardware._can_simple import CanCommand
+from treadline.hardware.device_threads import DeviceThreads
 from treadline.hardware.ports import DriveLimits, DriveState
 
 SETTLE_S = 2.0
@@ -88,6 +89,11 @@ class CanSimpleLink:
         self._axes = {node: Axis(node) for node in _nodes(left_node, right_node)}
         self._limits, self._name = limits, f"{interface} {channel}"
         self._bus = open_bus(interface=interface, channel=channel, **options)
+        self._threads: DeviceThreads[can.Message, can.Message] = DeviceThreads(
+            self._bus.recv,
+            self._transmit,
+            lambda error: f"the CAN bus {self._name} has gone ({error}); bring it up and start again",
+        )
         self._sent: deque[tuple[int, bytes]] = deque(maxlen=ECHOES)
         self._voltage_v: float | None = None
         self._phase = "latched"
@@ -103,11 +109,15 @@ class CanSimpleLink:
             LinkError: If the bus has gone, a drive speaks another protocol, or two drives have one id.
         """
         states = []
-        for message in self._received():
+        for t_s, message in self._threads.read():
+            # SocketCAN reports faults of the bus as messages too.
+            is_report = not (message.is_remote_frame or message.is_error_frame)
+            if not is_report or message.arbitration_id >> simple.COMMAND_BITS not in self._axes:
+                continue
             self._take(message)
             self._advance()
             if all(axis.is_new for axis in self._axes.values()):
-                states.append(self._drive_state())
+                states.append(self._drive_state(t_s))
         return states
 
     def send(self, left_m_s: float, right_m_s: float) -> None:
@@ -141,20 +151,8 @@ class CanSimpleLink:
     def close(self) -> None:
         """Stop the drives and release the bus."""
         self.stop()
+        self._threads.close()
         self._bus.shutdown()
-
-    def _received(self) -> Iterator[can.Message]:
-        """Yield the messages of the drives; SocketCAN reports faults of the bus as messages too."""
-        while True:
-            try:
-                message = self._bus.recv(0)
-            except (can.CanError, OSError) as error:
-                raise LinkError(f"the CAN bus {self._name} has gone ({error}); bring it up and start again") from error
-            if message is None:
-                return
-            is_report = not (message.is_remote_frame or message.is_error_frame)
-            if is_report and message.arbitration_id >> simple.COMMAND_BITS in self._axes:
-                yield message
 
     def _take(self, message: can.Message) -> None:
         """Keep what a message reports."""
@@ -231,13 +229,13 @@ class CanSimpleLink:
         self._fault = fault
         self.stop()
 
-    def _drive_state(self) -> DriveState:
+    def _drive_state(self, t_s: float) -> DriveState:
         axes = list(self._axes.values())
         for axis in axes:
             axis.is_new = False
         problems = [self._fault, *(axis.problem for axis in axes)]
         return DriveState(
-            t_s=time.monotonic(),
+            t_s=t_s,
             box_s=None,
             left_m_s=axes[0].velocity_m_s,
             right_m_s=axes[1].velocity_m_s,
@@ -253,11 +251,14 @@ class CanSimpleLink:
             self._send(node, command, remote=True)
 
     def _send(self, node: int, command: CanCommand, content: bytes = b"", *, remote: bool = False) -> None:
-        """Send a message; a bus that takes none is reported by ``poll``, and stops the drives by their watchdog."""
         identifier = node << simple.COMMAND_BITS | command
         message = can.Message(arbitration_id=identifier, data=content, is_extended_id=False, is_remote_frame=remote)
         if command in (CanCommand.SET_INPUT_VEL, CanCommand.SET_AXIS_STATE):
             self._sent.append((identifier, content))
+        self._threads.write(message)
+
+    def _transmit(self, message: can.Message) -> None:
+        """Send a message; a bus that takes none is reported by ``poll``, and stops the drives by their watchdog."""
         with contextlib.suppress(can.CanError, OSError):
             self._bus.send(message, timeout=0)
 

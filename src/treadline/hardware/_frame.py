@@ -145,14 +145,13 @@ def frame_of(content: bytes) -> bytes:
 
 def content_of(frame: bytes) -> bytes | None:
     """Return the content of a frame without its ending zero; None if the frame is broken."""
-    content, place = b"", 0
+    content, place = bytearray(frame), 0
     while place < len(frame):
         end = place + frame[place]
         if not place < end <= len(frame):
             return None
-        content += (b"\0" if place else b"") + frame[place + 1 : end]
-        place = end
-    body, crc = content[: -_CRC.size], content[-_CRC.size :]
+        content[place], place = 0, end
+    body, crc = bytes(content[1 : -_CRC.size]), content[-_CRC.size :]
     return body if body and _CRC.pack(zlib.crc32(body)) == crc else None
 
 

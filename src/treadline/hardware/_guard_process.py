@@ -138,14 +138,14 @@ def main(descriptor: int) -> None:
     channel = socket.socket(fileno=descriptor)
     select.select([channel], [], [])
     request = next(received(channel))
-    try:
-        links = Links(open_links(request["links"], request["limits"]), request["signs"])
-    except LinkError as error:
-        send(channel, {"failed": str(error)})
-        return
-    gc.collect()
-    gc.freeze()
-    with real_time(GUARD) as note:
+    with real_time(GUARD) as note:  # before the links are opened: their threads take the scheduling over
+        try:
+            links = Links(open_links(request["links"], request["limits"]), request["signs"])
+        except LinkError as error:
+            send(channel, {"failed": str(error)})
+            return
+        gc.collect()
+        gc.freeze()
         send(channel, {"opened": note})
         GuardProcess(channel, links, request["limits"]).run()
 

@@ -4,14 +4,16 @@
 """
 
 import os
-import select
 import struct
 import time
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from treadline.core.errors import LinkError
 from treadline.core.signals import OperatorInput
+from treadline.guard import SILENCE_S
+from treadline.hardware.device_threads import DeviceThreads, received_bytes
 from treadline.hardware.ports import StickReading
 from treadline.scenario.operator_actions import REPORT_S
 
@@ -52,17 +54,21 @@ class Keyboard:
     def __init__(self, descriptor: int = 0) -> None:
         if not os.isatty(descriptor):
             raise LinkError("the keyboard is no terminal; run treadline drive in a terminal, or take a gamepad")
-        self._descriptor = descriptor
+        # The terminal stays blocking: its output, to which the loop prints, shares the mode.
+        self._threads: DeviceThreads[bytes, bytes] = DeviceThreads(
+            partial(received_bytes, descriptor), None, lambda error: f"the terminal has gone ({error}); start again in another"
+        )
         self._key, self._first_s, self._pressed_s = "", 0.0, 0.0
         self._reports = _Reports()
 
     def poll(self) -> Sequence[OperatorInput | StickReading]:
         """Return the reports that are due."""
         now_s = time.monotonic()
-        for key in self._typed():
-            if key != self._key or now_s - self._pressed_s > HELD_S:
-                self._first_s = now_s
-            self._key, self._pressed_s = key, now_s
+        for t_s, typed in self._threads.read():
+            for key in typed.decode(errors="ignore"):
+                if key != self._key or t_s - self._pressed_s > HELD_S:
+                    self._first_s = t_s
+                self._key, self._pressed_s = key, t_s
         # A key that was pressed once is not held: a repeat must have followed.
         held = self._key in KEYS and self._pressed_s > self._first_s and now_s - self._pressed_s <= HELD_S
         is_new = now_s - self._pressed_s <= REPORT_S
@@ -71,11 +77,7 @@ class Keyboard:
 
     def close(self) -> None:
         """Leave the terminal as it is: the verb that set its mode restores it."""
-
-    def _typed(self) -> str:
-        """Return what was typed; the terminal stays blocking: its output, to which the loop prints, shares the mode."""
-        is_ready = select.select([self._descriptor], [], [], 0.0)[0]
-        return os.read(self._descriptor, 256).decode(errors="ignore") if is_ready else ""
+        self._threads.close()
 
 
 class Gamepad:
@@ -91,26 +93,32 @@ class Gamepad:
         except OSError as error:
             raise LinkError(f"{port}: {error.strerror}; plug the gamepad in, and let this user read it (group input)") from None
         self._port = port
+        self._threads: DeviceThreads[bytes, bytes] = DeviceThreads(
+            partial(received_bytes, self._file), None, lambda error: f"{port}: the gamepad has gone ({error}); plug it in"
+        )
         self._down: dict[int, bool] = {}
         self._axes = {0: 0.0, 1: 0.0}
         self._reports = _Reports()
 
     def poll(self) -> Sequence[OperatorInput | StickReading]:
-        """Return the reports that are due."""
-        try:
-            data = os.read(self._file, 64 * EVENT.size)
-        except BlockingIOError:
-            data = b""
-        except OSError as error:
-            raise LinkError(f"{self._port}: the gamepad has gone ({error.strerror}); plug it in") from None
+        """Return the reports that are due.
+
+        Raises:
+            LinkError: If the gamepad has gone, or its thread stands still: a button that is released would not be seen.
+        """
+        now_s = time.monotonic()
+        data = b"".join(data for _, data in self._threads.read())
+        if now_s - self._threads.awake_s > SILENCE_S:
+            raise LinkError(f"{self._port} cannot be read for {now_s - self._threads.awake_s:.2f} s; plug the gamepad in anew")
         for _, value, kind, number in EVENT.iter_unpack(data):
             if kind & BUTTON:
                 self._down[number] = value != 0
             elif kind & AXIS and number in self._axes:
                 self._axes[number] = -value / FULL
         pressed = {name: self._down.get(number, False) for name, number in BUTTONS.items()}
-        return self._reports.of(time.monotonic(), (self._axes[1], self._axes[0]), **pressed)
+        return self._reports.of(now_s, (self._axes[1], self._axes[0]), **pressed)
 
     def close(self) -> None:
         """Release the device."""
+        self._threads.close()
         os.close(self._file)

@@ -8,7 +8,9 @@ import math
 import os
 import random
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
 
 import serial
 from serial.tools.list_ports import comports
@@ -17,14 +19,13 @@ from treadline.core.errors import LinkError
 from treadline.core.signals import FlipperReading, ImuSample, OperatorInput, SeatReading
 from treadline.hardware import _frame as frame
 from treadline.hardware._frame import BoxState, Cause, Flag, FrameReader, HostMessage, Kind, Present, Reply
+from treadline.hardware.device_threads import DeviceThreads, received_bytes
 from treadline.hardware.ports import BoxReading, DriveLimits, DriveState
 
 SPEAKS_S = 2.0
 """Time without a message after which a device counts as silent [s]: boards that restart when their port opens take one."""
 MOVE_VALID_S = 0.1
 """Time for which rates of seat and flipper are valid [s], see ``JointLink``."""
-CHUNK = 65536
-"""Bytes read at once, more than a system buffers."""
 ERRORS = {
     Cause.TWO_HOSTS: "two hosts send commands to the box; stop one of them",
     Cause.DEAD_MAN: "the dead-man switch at the box was released",
@@ -45,42 +46,48 @@ class SerialLine:
     Args:
         port: Device of the line, for example /dev/ttyACM0.
         baud: Bit rate; USB devices ignore it.
+        parse: Makes one item of the bytes that arrive, in the reader's thread; a false one is left out.
 
     Raises:
         LinkError: If the port is missing, busy, not permitted, or one of two devices with one id.
     """
 
-    def __init__(self, port: str, baud: int) -> None:
-        self._port = port
+    def __init__(self, port: str, baud: int, parse: Callable[[bytes], Any] = bytes) -> None:
         _check_only_one(port)
         try:
             self._line = serial.Serial(port, baud, timeout=0, write_timeout=0, exclusive=True)
         except (serial.SerialException, OSError, ValueError) as error:
             remedy = next(remedy for word, remedy in PROBLEMS.items() if word in str(error))
             raise LinkError(f"{port} {remedy.format(port=port, error=error)}") from error
+        descriptor = self._line.fileno()
+        self._threads: DeviceThreads[Any, bytes] = DeviceThreads(
+            lambda within_s: parse(received_bytes(descriptor, within_s)),
+            partial(_write, descriptor),
+            lambda error: f"the device at {port} has gone ({error}); connect it and start again",
+        )
 
-    def read(self) -> bytes:
-        """Return the bytes that have arrived.
+    def read(self) -> list[tuple[float, Any]]:
+        """Return the items that have arrived, each with its time of arrival [s].
 
         Raises:
             LinkError: If the device has gone.
         """
-        try:
-            return bytes(self._line.read(CHUNK))
-        except (serial.SerialException, OSError, TypeError) as error:
-            raise LinkError(f"the device at {self._port} has gone ({error}); connect it and start again") from error
+        return self._threads.read()
 
     def write(self, data: bytes) -> None:
-        """Write bytes; a line that takes none, or has gone, is reported by ``read`` and by the device's silence.
-
-        pyserial's own ``write`` waits for a full line for ever, with a busy core, even if its timeout is zero.
-        """
-        with contextlib.suppress(serial.SerialException, OSError):
-            os.write(self._line.fileno(), data)
+        """Queue bytes; a line that takes none, or has gone, is reported by ``read`` and by the device's silence."""
+        self._threads.write(data)
 
     def close(self) -> None:
-        """Release the port."""
+        """Write what is queued and release the port."""
+        self._threads.close()
         self._line.close()
+
+
+def _write(descriptor: int, data: bytes) -> None:
+    """Write bytes, or lose them: pyserial's own ``write`` waits for a full line for ever, with a busy core."""
+    with contextlib.suppress(OSError):
+        os.write(descriptor, data)
 
 
 def _check_only_one(port: str) -> None:
@@ -110,8 +117,8 @@ class SerialLink:
     def __init__(self, *, port: str, limits: DriveLimits | None = None, baud: int = 115_200) -> None:
         self._port, self._opened_s = port, time.monotonic()
         self._limits = None if limits is None else frame.limit_values(limits)
-        self._line = SerialLine(port, baud)
         self._reader, self._has_spoken = FrameReader(), False
+        self._line = SerialLine(port, baud, self._states)
         self._sender, self._sequence = random.randrange(1, 2**16), 0
         self._state: BoxState | None = None
         self._was_armed = False
@@ -123,21 +130,22 @@ class SerialLink:
         Raises:
             LinkError: If the device has gone, is no box, or speaks another version.
         """
-        contents, now_s, readings = self._reader.feed(self._line.read()), time.monotonic(), list[BoxReading]()
-        states = [state for content in contents if (state := frame.state_of(content)) is not None]
-        for state in states:
-            # Of states that arrived together the older ones are older by the box's clock, unless it has started anew.
-            t_s = now_s - max((states[-1].now_ms - state.now_ms) * frame.MILLI, 0.0)
-            self._state, self._has_spoken = state, True
-            readings.extend(_sensor_readings(state, t_s))
-            if self._limits is not None:
-                readings.append(_drive_state(state, t_s, self._error(state)))
-        if not self._has_spoken and now_s - self._opened_s > SPEAKS_S:
+        readings = list[BoxReading]()
+        for arrived_s, states in self._line.read():
+            for state in states:
+                # Of states that arrived together the older ones are older by the box's clock, unless it has started anew.
+                t_s = arrived_s - max((states[-1].now_ms - state.now_ms) * frame.MILLI, 0.0)
+                self._state, self._has_spoken = state, True
+                readings.extend(_sensor_readings(state, t_s))
+                if self._limits is not None:
+                    readings.append(_drive_state(state, t_s, self._error(state)))
+        if not self._has_spoken and time.monotonic() - self._opened_s > SPEAKS_S:
             raise LinkError(
                 f"{self._port} sent no frame of a box within {SPEAKS_S:g} s ({self._reader.broken} broken ones); "
                 "check the port, the bit rate, and that the box runs the firmware"
             )
-        if states and self._limits is not None and states[-1].cause != Cause.ARMED and states[-1].limits != self._limits:
+        newest = self._state if readings else None
+        if newest is not None and self._limits is not None and newest.cause != Cause.ARMED and newest.limits != self._limits:
             self._send(Kind.LIMITS, self._limits)  # a box that stands accepts a re-arm afterwards
         return readings
 
@@ -170,6 +178,10 @@ class SerialLink:
         """Stop the box and release the port."""
         self.stop()
         self._line.close()
+
+    def _states(self, received: bytes) -> list[BoxState]:
+        """Return the states whose frames end in these bytes."""
+        return [state for content in self._reader.feed(received) if (state := frame.state_of(content)) is not None]
 
     def _rates(self) -> tuple[float, float]:
         return self._joints if time.monotonic() - self._joints_s <= MOVE_VALID_S else (0.0, 0.0)

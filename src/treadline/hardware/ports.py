@@ -1,8 +1,9 @@
 """Ports of a real chair: drives, inertial sensor, seat and flipper, handset. A driver of another chair implements one of them.
 
-All calls return at once: they never wait for a device. Stamps are ``time.monotonic()`` of the host at the arrival of a message [s];
-the host converts them to mission time. A link raises ``LinkError`` from its constructor or from ``poll`` with the true cause in one
-line, and from no other call.
+All calls return at once: they never wait for a device. Even a non-blocking read of a terminal may wait, so the reader and the
+writer of a driver run in ``device_threads.DeviceThreads``. Stamps are ``time.monotonic()`` of the host at the arrival of a message
+[s]; the host converts them to mission time. A link raises ``LinkError`` from its constructor or from ``poll`` with the true cause
+in one line, and from no other call.
 
 A class is named in the robot file as ``module:Class`` and is called with the other keys of its table as keyword arguments, a link
 to drives also with ``limits``. Where one device carries several ports, its class implements their protocols, and the other tables
