@@ -4,7 +4,6 @@ Times are those of the emulator's clock. A ``Rig`` runs drives and host in turns
 """
 
 import re
-import select
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -133,7 +132,7 @@ def serial_rig(folder: Path, *faults: str) -> Rig:
     def poll() -> Any:
         return [] if given.active("unplugged", chair.t_s - TICK_S) else wait_for(link.poll, pause_s=0.0)
 
-    return Rig(chair, link, lambda: list(box.step()), poll, lambda: select.select([terminal], [], [], 60.0))
+    return Rig(chair, link, lambda: list(box.step()), poll, lambda: wait_for(lambda: terminal._threads._arrived))
 
 
 def can_rig(folder: Path, *faults: str) -> Rig:

@@ -51,13 +51,14 @@ def emulate(
     faults = Faults(fault or [])
     if link == "can":
         from treadline.hardware.emulators._can import CanAxes
-    chair, terminal = EmulatedChair(scenario, seed, faults, FrameFile(port)), Terminal(port)
+    chair = EmulatedChair(scenario, seed, faults, FrameFile(port))
     bus = {"interface": "udp_multicast", "channel": channel, "port": udp_port, "fd": False}
-    box: Any = SerialBox(chair, faults, terminal) if link == "serial" else CanAxes(chair, faults, terminal, bus)
-    _say(f"chair at {port}{'' if link == 'serial' else f', drives on {channel}'}; Ctrl-C ends it")
-    due_s = time.monotonic()
     with real_time(LOOP) as granted:  # a chair does not slow down with the computer that drives it
+        terminal = Terminal(port)
+        box: Any = SerialBox(chair, faults, terminal) if link == "serial" else CanAxes(chair, faults, terminal, bus)
+        _say(f"chair at {port}{'' if link == 'serial' else f', drives on {channel}'}; Ctrl-C ends it")
         _say(granted)
+        due_s = time.monotonic()
         while True:
             for line in _typed():
                 faults.type(line, chair.t_s)

@@ -5,11 +5,13 @@ import os
 import pty
 import tty
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 from treadline.core.errors import LinkError
 from treadline.core.signals import TICK_S
 from treadline.hardware._frame import HostMessage, Kind
+from treadline.hardware.device_threads import DeviceThreads, received_bytes
 from treadline.hardware.emulators._chair import EmulatedChair
 from treadline.hardware.emulators._faults import Faults, FaultyLine, spoilt_bytes
 from treadline.hardware.emulators._firmware import DriveBox, Inputs
@@ -35,28 +37,29 @@ class Terminal:
         self._near, self._far = pty.openpty()
         tty.setraw(self._far)
         os.set_blocking(self._near, False)
+        self._threads: DeviceThreads[bytes, bytes] = DeviceThreads(partial(received_bytes, self._near), self._send, str)
         port.unlink(missing_ok=True)
         port.symlink_to(os.ttyname(self._far))
         self._rest = b""
 
-    def fileno(self) -> int:
-        """Return the descriptor that becomes readable when the host has written."""
-        return self._near
-
     def read(self) -> list[bytes]:
         """Return the frames that have arrived, ending zeros included."""
-        with contextlib.suppress(OSError):
-            self._rest += os.read(self._near, 1 << 16)
+        with contextlib.suppress(LinkError):
+            self._rest += b"".join(data for _, data in self._threads.read())
         *frames, self._rest = self._rest.split(b"\0")
         return [frame + b"\0" for frame in frames]
 
     def write(self, frame: bytes) -> None:
         """Send a frame; a host that does not read loses it."""
+        self._threads.write(frame)
+
+    def _send(self, frame: bytes) -> None:
         with contextlib.suppress(OSError):
             os.write(self._near, frame)
 
     def close(self) -> None:
         """Remove the device: to the host it has gone."""
+        self._threads.close()
         os.close(self._far)
         os.close(self._near)
 
