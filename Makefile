@@ -3,17 +3,19 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= reproduce
-LOCK ?= requirements.lock
-# pip with a sign of life every five seconds; LOCK=/dev/null installs the newest versions that pyproject.toml admits.
-PIP := $(BIN)/python tools/install.py --constraint $(LOCK)
+LOCK ?= requirements
+# pip with a sign of life every five seconds.
+PIP := $(BIN)/python tools/install.py
+# Installs an extra by the hashes of its lock file; LOCK=/dev/null installs the newest versions that pyproject.toml admits.
+extra = $(if $(filter /dev/null,$(LOCK)),$(PIP) -e ".[$(1)]",$(PIP) --require-hashes -r $(LOCK)/$(1).lock)
 
 # Without bytecode files every process would compile the sources of all libraries anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-# Tests of processes on the wall clock run while no other test needs the processor, and the whole emulated chair alone: it keeps two cores
-# busy. A machine that is busy otherwise makes messages late, as the guard rightly says: such a test may be run three times.
+# Tests of processes on the wall clock run while no other test needs the processor, and the whole emulated chair and the bursts alone: they keep
+# two cores busy. A machine that is busy otherwise makes messages late, as the guard rightly says: such a test may be run three times.
 REAL_TIME := $(addprefix tests/hardware/test_,arming.py bno055.py guard_process.py links.py) tests/guard/test_guard_watchdog.py
-EMULATED := tests/hardware/test_drive_on_emulator.py
+EMULATED := $(addprefix tests/hardware/test_,drive_on_emulator.py tick_in_bursts.py)
 RERUN := --reruns 2 --reruns-delay 5
 
 .PHONY: help setup lock reproduce quick publish test fast shapes slow test-ros1 test-ros2 test-gazebo test-browser firmware test-firmware check coverage format docs docs-serve schema dist clean
@@ -35,7 +37,7 @@ help:
 	@echo "make test-firmware  run the self-tests of both under the sanitisers; each branch of the firmware must be taken (gcov)"
 	@echo "make check        formatter, linter, types, import contracts"
 	@echo "make coverage     measure that the guard's own tests take each of its branches"
-	@echo "make lock         resolve all requirements anew and write their versions to requirements.lock"
+	@echo "make lock         resolve all requirements anew and write their versions and hashes to requirements/"
 	@echo "make docs         build the documentation site in site/ (warnings are errors)"
 	@echo "make docs-serve   show the documentation on a local port while it is edited"
 	@echo "make schema       write docs/reference/scenario.schema.json again"
@@ -48,25 +50,27 @@ $(VENV)/.created:
 	$(PYTHON) -m venv $(VENV)
 	@touch $@
 
-$(VENV)/.base: pyproject.toml $(LOCK) | $(VENV)/.created
-	$(PIP) -e .
+$(VENV)/.base: pyproject.toml $(wildcard requirements/*.lock) | $(VENV)/.created
+	$(call extra,base)
+	$(if $(filter /dev/null,$(LOCK)),,$(PIP) --no-deps --no-build-isolation -e .)
 	@touch $@
 
 $(VENV)/.test: $(VENV)/.base
-	$(PIP) -e ".[test]"
+	$(call extra,test)
 	@touch $@
 
 $(VENV)/.dev: $(VENV)/.test
-	$(PIP) -e ".[dev]"
+	$(call extra,dev)
 	@touch $@
 
 $(VENV)/.docs: $(VENV)/.base
-	$(PIP) -e ".[docs]"
+	$(call extra,docs)
 	@touch $@
 
-# Run with the oldest supported Python (make lock PYTHON=python3.11): newer ones can install its versions too.
+# The newest versions that the oldest supported Python can install; LOCKED="--constraint FILE" keeps some.
 lock: $(VENV)/.created
-	$(BIN)/python tools/lock.py > $(VENV)/lock && mv $(VENV)/lock requirements.lock
+	$(call extra,uv)
+	$(BIN)/python tools/lock.py $(LOCKED)
 
 # Compiles once per machine and version; later calls find the marker and return at once.
 setup: $(VENV)/.base
@@ -103,7 +107,7 @@ test-gazebo: $(VENV)/.test
 	TREADLINE_TEST_GAZEBO=1 $(BIN)/python -m pytest -n 2 tests/plant/gazebo tests/plant/test_plant_contract.py
 
 $(VENV)/.browser: $(VENV)/.test
-	$(PIP) -e ".[browser]"
+	$(call extra,browser)
 	@touch $@
 
 # Asks before it installs packages of Debian.
@@ -171,9 +175,8 @@ docs-serve: $(VENV)/.docs
 schema: $(VENV)/.base
 	$(BIN)/python docs/tools/scenario_schema.py docs/reference/scenario.schema.json
 
-dist: $(VENV)/.created
-	$(PIP) build
-	$(BIN)/python -m build --outdir dist .
+dist: $(VENV)/.base
+	$(BIN)/python -m build --no-isolation --outdir dist .
 
 clean:
 	rm -rf $(VENV) reproduce runs site dist build .mypy_cache .ruff_cache .pytest_cache

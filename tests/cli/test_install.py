@@ -14,9 +14,9 @@ from packaging.requirements import Requirement
 
 ROOT = Path(__file__).parents[2]
 PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-LOCKED = dict(
-    line.split("==") for line in (ROOT / "requirements.lock").read_text(encoding="utf-8").splitlines() if not line.startswith("#")
-)
+PACKAGE = re.compile(r"(?m)^([\w.-]+)==(\S+)((?:.*\\\n +--hash=sha256:[0-9a-f]{64})*)")
+LOCKED = {path.stem: PACKAGE.findall(path.read_text(encoding="utf-8")) for path in (ROOT / "requirements").glob("*.lock")}
+"""Name, version and hashes of each package, by lock file."""
 INSTALL = ROOT / "tools" / "install.py"
 
 
@@ -30,8 +30,25 @@ def requirements() -> list[Requirement]:
 
 
 def test_the_lock_has_an_admitted_version_of_each_requirement() -> None:
-    missing = [str(item) for item in requirements() if not item.specifier.contains(LOCKED.get(item.name.lower(), "0"))]
-    assert missing == [], "run make lock PYTHON=python3.11"
+    versions = {name: version for packages in LOCKED.values() for name, version, _ in packages}
+    missing = [str(item) for item in requirements() if not item.specifier.contains(versions.get(item.name.lower(), "0"))]
+    assert missing == [], "run make lock"
+
+
+@pytest.mark.parametrize("name", LOCKED)
+def test_each_locked_package_has_hashes_and_names_no_index(name: str) -> None:
+    text = (ROOT / "requirements" / f"{name}.lock").read_text(encoding="utf-8")
+    assert [package for package, _, hashes in LOCKED[name] if not hashes] == []
+    rest = [line for line in PACKAGE.sub("", text).splitlines() if line and not line.startswith("#")]
+    assert all(re.fullmatch(r"-r (base|test)\.lock", line) for line in rest), rest
+
+
+def test_each_action_of_the_ci_is_a_commit_and_the_image_installs_by_hashes() -> None:
+    used = re.findall(r"uses: (.+)", (ROOT / ".github" / "workflows" / "ci.yml").read_text(encoding="utf-8"))
+    assert used
+    assert [action for action in used if not re.fullmatch(r"[\w/-]+@[0-9a-f]{40} # v\d+\.\d+\.\d+", action)] == []
+    installs = re.findall(r"pip install (.+)", (ROOT / "Dockerfile").read_text(encoding="utf-8"))
+    assert all("--require-hashes" in install or "--no-deps" in install for install in installs), installs
 
 
 def test_a_failure_of_pip_is_shown_and_its_exit_code_passed_on() -> None:
