@@ -1,4 +1,4 @@
-"""Guard process on three pseudo-terminals, beside two processes that keep both cores busy in bursts.
+"""Guard process on three pseudo-terminals, next to two processes that keep both cores busy in bursts.
 
 ``python -m bursts`` prints the durations of its ticks [s]. All have real-time scheduling: devices above the guard, because they do
 not wait for the computer, and bursts below it.
