@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 import pytest
 from frame_files import add_cloud, write_pcd
-from mutations import mutated_bytes
+from mutations import lengthened, mutated_bytes
 
 from treadline.campaign.spec import read_spec
 from treadline.cli import main
@@ -52,9 +52,8 @@ def mutated_text(data: bytes, rng: np.random.Generator) -> bytes:
             i, j = rng.integers(0, len(lines), 2).tolist()
             lines[i : i + 1] = [[], [lines[i], lines[j]], [lines[j]]][int(rng.integers(3))]
             data = b"\n".join(lines)
-        elif kind == "long":  # what takes a time that grows faster than the file
-            place = int(rng.integers(0, len(data) + 1))
-            data = data[:place] + bytes(rng.choice([*b'[("-0, \t'], 1).tolist()) * 20_000 + data[place:]
+        elif kind == "long":
+            data = lengthened(data, rng)
         elif kind == "bytes" or not tokens:
             data = mutated_bytes(data, rng)
         else:
@@ -66,7 +65,7 @@ def mutated_text(data: bytes, rng: np.random.Generator) -> bytes:
 def mutated_pixels(data: bytes, rng: np.random.Generator) -> bytes:
     """Return a PNG with mutated depths: a mutated file fails its checksums."""
     depth = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-    pixels = mutated_bytes(depth.tobytes(), rng).ljust(depth.nbytes, b"\0")
+    pixels = mutated_bytes(depth.tobytes(), rng).ljust(depth.nbytes, b"\0")[: depth.nbytes]
     return bytes(cv2.imencode(".png", np.frombuffer(pixels, np.uint16).reshape(depth.shape))[1])
 
 

@@ -40,9 +40,15 @@ def test_an_endless_cell_is_refused(tmp_path: Path) -> None:
         read_record(written(tmp_path / "record.csv", [HEADER, "1" * 200_000, ROWS[1]]), INPUTS, OUTPUTS)
 
 
-def test_a_header_of_thousands_of_brackets_is_refused_at_once(tmp_path: Path) -> None:
+@pytest.mark.parametrize("suffix", ["csv", "npz"])
+def test_a_name_of_thousands_of_brackets_is_refused_at_once(tmp_path: Path, suffix: str) -> None:
+    file, name = tmp_path / f"record.{suffix}", "[" * 20_000
+    if suffix == "csv":
+        written(file, [f"{HEADER},{name}", *(row + ",0" for row in ROWS)])
+    else:
+        np.savez(file, **{name: np.zeros(2)})
     with pytest.raises(LogFormatError, match="a column's name has 20000 characters; 200 at most"):
-        read_record(written(tmp_path / "record.csv", [HEADER + "," + "[" * 20_000, *(row + ",0" for row in ROWS)]), INPUTS, OUTPUTS)
+        read_record(file, INPUTS, OUTPUTS)
 
 
 @pytest.mark.parametrize("period_s", [0.0, -1.0, float("nan"), float("inf")])

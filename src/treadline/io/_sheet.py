@@ -24,8 +24,6 @@ SAMPLE = 200
 """Number of lines in which a header is looked for: preambles of loggers have a screen or two."""
 COUNTED = 20
 """Number of lines, the last of them, from which the separator is found."""
-MOST_LETTERS = 200
-"""Longest name of a column: a longer one is no header, and would be searched and printed."""
 DIGITS = 15
 """Digits that a float keeps."""
 _SEPARATORS = ("\t", ";", "|", ",", None)
@@ -133,8 +131,6 @@ def sheet_of(file: Path, lines: Sequence[str], wanted: Sequence[str], period_s: 
     if len(data) > 1 and not _is_data(style, data[0]) and _is_data(style, data[1]):
         first, data = rows.index(data[1]), data[1:]  # below a line of units
     header = [str(place) for place in range(len(data[0][1]))] if head is None else _names(rows[head])
-    if (longest := max(map(len, header))) > MOST_LETTERS:
-        raise LogFormatError(f"{file}: a column's name has {longest} characters; {MOST_LETTERS} at most. Is its line a header?")
     places = [place_of(file, name, header) for name in wanted]
     clock, kind = _clock(style, header, {header[place] for place in places}, data, period_s)
     return Sheet(style=style, header=header, first=rows[first - 1][0] if first else 0, places=places, clock=clock, kind=kind)

@@ -91,12 +91,18 @@ class Log:
         return self._done / self._size
 
 
+MOST_LETTERS = 200
+"""Longest name of a column, in any kind of file: a longer one is no header, and would be searched and printed."""
+
+
 def place_of(file: Path, name: str, there: Sequence[str]) -> int:
     """Return the place of a column: by its name, less exactly if only one is so named, or by its number from 0.
 
     Raises:
         LogFormatError: If there is none, or several.
     """
+    if (longest := max(map(len, there), default=0)) > MOST_LETTERS:
+        raise LogFormatError(f"{file}: a column's name has {longest} characters; {MOST_LETTERS} at most. Is its line a header?")
     alike = alike_of(name, there)
     if len(alike) == 1:
         return alike[0]
