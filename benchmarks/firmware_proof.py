@@ -17,8 +17,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "builders"))
 import firmware_twin as twin
 
 LOGIC = twin.Logic(choose=z3.If, every=z3.And, some=z3.Or, no=z3.Not)
-TRUTH_VALUES = ("drives", "dead_man", "stop")
-BITS = {"now": 32, "heard": 32} | dict.fromkeys(("sender", "sequence", "latch", "rejections", "drive_error"), 16)
+BITS = {"now": 32, "heard": 32} | dict.fromkeys(("sender", "sequence", "latch", "rejections", "drive_error", *twin.AGES), 16)
 TIMEOUT_MS = 120_000
 
 
@@ -38,7 +37,7 @@ def any_box() -> tuple[twin.Values, Any]:
     """Return a box in any state of its memory's types."""
     box, ranges = {}, []
     for name in twin.started():
-        if name in TRUTH_VALUES:
+        if name in twin.FLAGS:
             box[name] = z3.Bool(name)
             continue
         number, within = unsigned(name, BITS[name]) if name in BITS else signed(name, 32 if name.endswith("um_s") else 16)
@@ -60,7 +59,10 @@ def any_message() -> tuple[dict[str, Any], Any]:
 def any_inputs() -> tuple[dict[str, Any], Any]:
     """Return any inputs."""
     error, within = unsigned("new_error", 16)
-    return {"dead_man": z3.Bool("new_dead_man"), "stop": z3.Bool("new_stop"), "drive_error": error}, within
+    belts = {name: signed(f"new_{name}", 16) for name in ("left_belt", "right_belt")}
+    switches = {name: z3.Bool(f"new_{name}") for name in ("dead_man", "stop", "handset", "rearm")}
+    numbers = {name: number for name, (number, _) in belts.items()} | {"drive_error": error}
+    return switches | numbers, z3.And(within, *(within for _, within in belts.values()))
 
 
 def is_sound(box: twin.Values) -> Any:
@@ -78,8 +80,8 @@ def is_sound(box: twin.Values) -> Any:
     stands = z3.And(*(belt == 0 for belt in belts))
     armed = box["cause"] == twin.ARMED
     fresh = (box["now"] - box["heard"]) % 2**32 < watchdog
-    cause = z3.And(box["cause"] >= 0, box["cause"] <= twin.DRIVE_ERROR)
-    return z3.And(z3.Or(unset, valid), cause, z3.If(armed, z3.And(valid, within, bounded, fresh), stands))
+    cause = z3.And(box["cause"] >= 0, box["cause"] <= twin.RUNAWAY, *(box[age] <= twin.AGAIN_MS for age in twin.AGES))
+    return z3.And(z3.Or(unset, valid), cause, z3.If(armed, z3.And(valid, within, bounded, fresh, z3.Not(box["open"])), stands))
 
 
 def theorems() -> Iterator[tuple[str, Any, Any]]:
@@ -125,7 +127,7 @@ def theorems() -> Iterator[tuple[str, Any, Any]]:
     yield "a tick ends no latched stop", z3.And(ticked, latched), after["cause"] == box["cause"]
     yield "a latched box stands, braked", z3.And(ticked, latched), stands
     yield (
-        "a re-arm alone ends a latched stop: of the present stop, fresh, with limits, and with no input against it",
+        "a re-arm alone ends a latched stop: of the present stop, fresh, with limits, in time, and with no input against it",
         z3.And(heard, rearms),
         z3.And(
             message["kind"] == twin.REARM,
@@ -135,6 +137,8 @@ def theorems() -> Iterator[tuple[str, Any, Any]]:
             box["dead_man"],
             z3.Not(box["stop"]),
             box["drive_error"] == 0,
+            box["held"] >= twin.HELD_MS,
+            box["rearmed"] >= twin.AGAIN_MS,
         ),
     )
     yield "after a re-arm the belts stand until a command", z3.And(heard, rearms), z3.And(judged["left"] == 0, judged["right"] == 0)
@@ -150,6 +154,30 @@ def theorems() -> Iterator[tuple[str, Any, Any]]:
 
     refusal = z3.Or(inputs["stop"], z3.Not(inputs["dead_man"]), inputs["drive_error"] != 0)
     yield "stop button, dead-man switch and drive errors act in the same tick", z3.And(ticked, refusal), stands
+    other_key = z3.Or(box["dead_man"], after["released"] >= twin.RELEASED_MS)
+    act = z3.And(inputs["rearm"], z3.Not(box["rearm"]), inputs["dead_man"], z3.Not(inputs["stop"]), other_key)
+    yield (
+        "a press counts if it is an act, of a person who answers a stop",
+        z3.And(ticked, after["pressed"] == 0, box["pressed"] > 0),
+        z3.And(act, latched, after["held"] >= twin.HELD_MS),
+    )
+    yield (
+        "with a handset, a re-arm needs a press that counts, 0.3 s old at most, which it uses up",
+        z3.And(heard, rearms, box["handset"]),
+        z3.And(box["pressed"] < twin.PRESS_MS, judged["pressed"] >= twin.PRESS_MS),
+    )
+    turns = z3.Or(*(z3.Or(inputs[name] > twin.TURNS, inputs[name] < -twin.TURNS) for name in ("left_belt", "right_belt")))
+    lasts = z3.And(box["turns"], box["turned"] + elapsed >= twin.TURNS_MS, elapsed <= twin.WATCHDOG_MAX_MS)
+    yield (
+        "a belt that turns for 0.2 s although the box stands opens the contactor, and the box stays latched",
+        z3.And(ticked, outputs["brake"], turns, lasts),
+        z3.And(z3.Not(outputs["contactor"]), after["cause"] != twin.ARMED),
+    )
+    yield (
+        "a re-arm alone closes the contactor",
+        z3.And(heard, ticked, box["open"]),
+        z3.And(z3.Not(outputs["contactor"]), z3.Or(judged["open"], judged["cause"] == twin.ARMED)),
+    )
     yield (
         "no product of the C code leaves 32 bits",
         z3.And(ticked, runs_on),

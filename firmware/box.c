@@ -1,20 +1,19 @@
 /* Bytes to rules and back. See box.h. */
 #include "box.h"
 
-static const tl_outputs STANDING = {.belts_um_s = {0, 0}, .seat = 0, .flipper = 0, .brake = true};
-
 size_t tl_box_bytes(void) { return sizeof(tl_box); }
 
 void tl_box_start(tl_box *box, uint32_t now_ms) {
+    const tl_outputs standing = {.belts_um_s = {0, 0}, .seat = 0, .flipper = 0, .brake = true, .contactor = true};
     tl_rules_start(&box->rules, now_ms);
-    box->outputs = STANDING;
+    box->outputs = standing;
     box->length = 0;
 }
 
 /* Judge the bytes between two zeros. */
 static void take(tl_box *box) {
-    uint8_t content[TL_FRAME_MAX];
-    tl_message message;
+    uint8_t content[TL_FRAME_MAX] = {0};
+    tl_message message = {.kind = TL_STOP};
     const size_t length = tl_frame_decode(box->frame, box->length, content);
     const tl_reply reply = length == 0u ? TL_BROKEN : tl_message_decode(content, length, &message);
     if (reply == TL_ACCEPTED) {
@@ -28,11 +27,14 @@ void tl_box_receive(tl_box *box, const uint8_t *bytes, size_t count) {
     for (size_t i = 0; i < count; i++) {
         if (bytes[i] != 0u) {
             if (box->length < TL_FRAME_MAX) {
-                box->frame[box->length++] = bytes[i];
+                box->frame[box->length] = bytes[i];
+                box->length++;
             }
         } else if (box->length > 0u) {
             take(box);
             box->length = 0;
+        } else {
+            /* a second zero ends no frame */
         }
     }
 }

@@ -42,13 +42,15 @@ static size_t unstuff(const uint8_t *frame, size_t length, uint8_t bytes[TL_FRAM
     size_t next = 0; /* place of the next count */
     for (size_t i = 0; i < length; i++) {
         if (i < next) {
-            bytes[end++] = frame[i];
-            continue;
+            bytes[end] = frame[i];
+            end++;
+        } else {
+            if (i > 0u) {
+                bytes[end] = 0u;
+                end++;
+            }
+            next = i + frame[i];
         }
-        if (i > 0u) {
-            bytes[end++] = 0u;
-        }
-        next = i + frame[i];
     }
     return next == length ? end : 0u;
 }

@@ -3,8 +3,6 @@
 
 #define UM_S_PER_UNIT 100 /* a belt's unit of 0.1 mm/s */
 
-static const int16_t NO_LIMITS[TL_VALUES] = {0, 0, 0, 0, 0, 0};
-
 static void set_limits(tl_rules *rules, const int16_t values[TL_VALUES]) {
     for (int i = 0; i < TL_VALUES; i++) {
         rules->limits[i] = values[i];
@@ -21,19 +19,29 @@ static void set_targets(tl_rules *rules, const int16_t values[TL_VALUES], bool d
 /* Stand until a re-arm, from now on and not from the next tick; the first cause stays. */
 static void stop(tl_rules *rules, tl_cause cause) {
     if (rules->cause == TL_ARMED) {
-        rules->cause = (uint8_t)cause;
+        rules->cause = cause;
         rules->latch++;
-        rules->belts_um_s[TL_LEFT] = rules->belts_um_s[TL_RIGHT] = 0;
+        rules->belts_um_s[TL_LEFT] = 0;
+        rules->belts_um_s[TL_RIGHT] = 0;
+        rules->held_ms = 0;
+        rules->released_ms = 0;
     }
 }
 
 void tl_rules_start(tl_rules *rules, uint32_t now_ms) {
-    const tl_rules started = {.now_ms = now_ms, .heard_ms = now_ms, .latch = 1u, .cause = TL_START};
+    const tl_rules started = {
+        .now_ms = now_ms,
+        .heard_ms = now_ms,
+        .latch = 1u,
+        .cause = TL_START,
+        .pressed_ms = TL_AGE_MAX,
+        .rearmed_ms = TL_AGE_MAX,
+    };
     *rules = started;
 }
 
 tl_reply tl_rules_reject(tl_rules *rules, tl_reply reply) {
-    rules->reply = (uint8_t)reply;
+    rules->reply = reply;
     rules->rejections++;
     return reply;
 }
@@ -43,12 +51,12 @@ static bool is_within(int16_t value, int16_t limit) { return value <= limit && v
 /* The limits of a host must be positive, the watchdog short, and a hold no harder than the acceleration. */
 static bool are_limits(const int16_t values[TL_VALUES]) {
     return values[TL_LIMIT_SPEED] > 0 && values[TL_LIMIT_HOLD] > 0 && values[TL_LIMIT_ACCELERATION] >= values[TL_LIMIT_HOLD] &&
-           values[TL_LIMIT_WATCHDOG] > 0 && values[TL_LIMIT_WATCHDOG] <= TL_WATCHDOG_MAX_MS && values[TL_LIMIT_SEAT] >= 0 &&
+           values[TL_LIMIT_WATCHDOG] > 0 && values[TL_LIMIT_WATCHDOG] <= (int16_t)TL_WATCHDOG_MAX_MS && values[TL_LIMIT_SEAT] >= 0 &&
            values[TL_LIMIT_FLIPPER] >= 0;
 }
 
 static uint32_t watchdog_ms(const tl_rules *rules) {
-    return rules->limits[TL_LIMIT_WATCHDOG] == 0 ? (uint32_t)TL_WATCHDOG_MAX_MS : (uint32_t)rules->limits[TL_LIMIT_WATCHDOG];
+    return rules->limits[TL_LIMIT_WATCHDOG] == 0 ? TL_WATCHDOG_MAX_MS : (uint32_t)rules->limits[TL_LIMIT_WATCHDOG];
 }
 
 /* Differences of times and sequence numbers are those of counters that run over. */
@@ -61,11 +69,19 @@ static bool is_next(const tl_rules *rules, uint16_t sequence) {
     return ahead != 0u && ahead < 0x8000u;
 }
 
+/* Whether an input, the time or a missing act is against a re-arm. */
+static bool is_blocked(const tl_rules *rules) {
+    const tl_inputs *inputs = &rules->inputs;
+    return !inputs->dead_man || inputs->stop || inputs->drive_error != 0u || rules->turns || rules->held_ms < TL_HELD_MS ||
+           rules->rearmed_ms < TL_AGAIN_MS || (inputs->handset && rules->pressed_ms >= TL_PRESS_MS);
+}
+
 /* Limits and re-arm: for a box that stands. */
 static tl_reply settle(tl_rules *rules, const tl_message *message) {
+    const int16_t none[TL_VALUES] = {0, 0, 0, 0, 0, 0};
     if (message->kind == TL_SET_LIMITS) {
         const bool are_valid = are_limits(message->values);
-        set_limits(rules, are_valid ? message->values : NO_LIMITS);
+        set_limits(rules, are_valid ? message->values : none);
         return are_valid ? TL_ACCEPTED : TL_BEYOND;
     }
     if (message->kind != TL_REARM) {
@@ -77,12 +93,15 @@ static tl_reply settle(tl_rules *rules, const tl_message *message) {
     if (rules->limits[TL_LIMIT_SPEED] == 0) {
         return TL_NO_LIMITS;
     }
-    if (!rules->inputs.dead_man || rules->inputs.stop || rules->inputs.drive_error != 0u) {
+    if (is_blocked(rules)) {
         return TL_BLOCKED;
     }
     rules->cause = TL_ARMED;
     rules->sender = message->sender;
-    set_targets(rules, NO_LIMITS, false);
+    rules->pressed_ms = TL_AGE_MAX;
+    rules->rearmed_ms = 0;
+    rules->is_open = false;
+    set_targets(rules, none, false);
     return TL_ACCEPTED;
 }
 
@@ -126,6 +145,35 @@ tl_reply tl_rules_receive(tl_rules *rules, const tl_message *message) {
     return TL_ACCEPTED;
 }
 
+/* An age after a time. */
+static uint16_t older(uint16_t age_ms, uint32_t by_ms) {
+    const uint32_t older_ms = age_ms + by_ms;
+    return (uint16_t)(older_ms < TL_AGE_MAX ? older_ms : TL_AGE_MAX);
+}
+
+static void age(tl_rules *rules, uint32_t by_ms) {
+    rules->held_ms = older(rules->held_ms, by_ms);
+    rules->released_ms = rules->inputs.dead_man ? 0u : older(rules->released_ms, by_ms);
+    rules->pressed_ms = older(rules->pressed_ms, by_ms);
+    rules->rearmed_ms = older(rules->rearmed_ms, by_ms);
+    rules->turned_ms = rules->turns ? older(rules->turned_ms, by_ms) : 0u;
+}
+
+/* A person's act ends a stop, not a key that is held on: the button is pressed anew while the dead-man switch is held, so with another
+ * key; or the switch was released before, long enough to be meant. */
+static void judge_press(tl_rules *rules, const tl_inputs *inputs) {
+    const bool is_new = inputs->rearm && !rules->inputs.rearm;
+    const bool is_meant = rules->inputs.dead_man || rules->released_ms >= TL_RELEASED_MS;
+    const bool is_answer = rules->cause != TL_ARMED && rules->held_ms >= TL_HELD_MS;
+    if (!inputs->dead_man || inputs->stop) {
+        rules->pressed_ms = TL_AGE_MAX;
+    } else if (is_new && is_meant && is_answer) {
+        rules->pressed_ms = 0;
+    } else {
+        /* an earlier press counts for a while */
+    }
+}
+
 /* Inputs and silence of an armed box, the most telling cause first. A clock that is set back counts as a long time. */
 static void watch(tl_rules *rules, uint32_t elapsed_ms) {
     if (rules->inputs.drive_error != 0u) {
@@ -136,6 +184,8 @@ static void watch(tl_rules *rules, uint32_t elapsed_ms) {
         stop(rules, TL_DEAD_MAN);
     } else if (elapsed_ms >= watchdog_ms(rules) || !is_fresh(rules, rules->heard_ms)) {
         stop(rules, TL_WATCHDOG);
+    } else {
+        /* the host speaks, and no input is against motion */
     }
 }
 
@@ -147,24 +197,47 @@ static int32_t approach(int32_t value, int32_t target, int32_t step) {
     return value - target > step ? value - step : target;
 }
 
+/* The set point of a belt after a time of TL_WATCHDOG_MAX_MS at most: 1 mm/s2 in 1 ms is 1 um/s, and the product has 32 bits. */
+static void move(tl_rules *rules, int belt, int32_t by_ms) {
+    const int32_t limit = rules->limits[rules->drives ? TL_LIMIT_ACCELERATION : TL_LIMIT_HOLD];
+    const int32_t target = rules->drives ? rules->targets[belt] * UM_S_PER_UNIT : 0;
+    rules->belts_um_s[belt] = rules->cause == TL_ARMED ? approach(rules->belts_um_s[belt], target, limit * by_ms) : 0;
+}
+
+static bool stands(const tl_rules *rules) {
+    return rules->cause != TL_ARMED || (!rules->drives && rules->belts_um_s[TL_LEFT] == 0 && rules->belts_um_s[TL_RIGHT] == 0);
+}
+
+static bool is_fast(int16_t belt) { return belt > TL_TURNS || belt < -TL_TURNS; }
+
+/* A belt that turns although the box stands: neither the drives nor the brake hold it, so the drives lose their power. */
+static void watch_belts(tl_rules *rules) {
+    rules->turns = stands(rules) && (is_fast(rules->inputs.belts[TL_LEFT]) || is_fast(rules->inputs.belts[TL_RIGHT]));
+    if (rules->turns && rules->turned_ms >= TL_TURNS_MS) {
+        rules->is_open = true;
+        stop(rules, TL_RUNAWAY);
+    }
+}
+
 tl_outputs tl_rules_tick(tl_rules *rules, uint32_t now_ms, const tl_inputs *inputs) {
     const uint32_t elapsed_ms = now_ms - rules->now_ms;
-    tl_outputs outputs = {.belts_um_s = {0, 0}, .seat = 0, .flipper = 0, .brake = true};
+    /* A longer time stops an armed box, and makes nothing older that stands. */
+    const uint32_t counted_ms = elapsed_ms < TL_WATCHDOG_MAX_MS ? elapsed_ms : TL_WATCHDOG_MAX_MS;
+    age(rules, counted_ms);
+    judge_press(rules, inputs);
     rules->now_ms = now_ms;
     rules->inputs = *inputs;
     watch(rules, elapsed_ms);
+    move(rules, TL_LEFT, (int32_t)counted_ms);
+    move(rules, TL_RIGHT, (int32_t)counted_ms);
+    watch_belts(rules);
     const bool is_armed = rules->cause == TL_ARMED;
-    /* 1 mm/s2 in 1 ms is 1 um/s. The watchdog keeps the time of an armed box below 100 ms, and the product within 32 bits. */
-    const int32_t step = is_armed ? rules->limits[rules->drives ? TL_LIMIT_ACCELERATION : TL_LIMIT_HOLD] * (int32_t)elapsed_ms : 0;
-    for (int i = TL_LEFT; i <= TL_RIGHT; i++) {
-        const int32_t target = rules->drives ? rules->targets[i] * UM_S_PER_UNIT : 0;
-        rules->belts_um_s[i] = is_armed ? approach(rules->belts_um_s[i], target, step) : 0;
-        outputs.belts_um_s[i] = rules->belts_um_s[i];
-    }
-    if (is_armed) {
-        outputs.seat = rules->targets[TL_SEAT];
-        outputs.flipper = rules->targets[TL_FLIPPER];
-        outputs.brake = !rules->drives && outputs.belts_um_s[TL_LEFT] == 0 && outputs.belts_um_s[TL_RIGHT] == 0;
-    }
+    const tl_outputs outputs = {
+        .belts_um_s = {rules->belts_um_s[TL_LEFT], rules->belts_um_s[TL_RIGHT]},
+        .seat = is_armed ? rules->targets[TL_SEAT] : (int16_t)0,
+        .flipper = is_armed ? rules->targets[TL_FLIPPER] : (int16_t)0,
+        .brake = stands(rules),
+        .contactor = !rules->is_open,
+    };
     return outputs;
 }

@@ -19,7 +19,7 @@ from treadline.hardware._can_link import CanSimpleLink
 from treadline.hardware._serial_link import SerialLink
 from treadline.hardware.emulators._can import CanAxes
 from treadline.hardware.emulators._faults import Faults
-from treadline.hardware.emulators._firmware import Outputs, Readings
+from treadline.hardware.emulators._firmware import Inputs, Outputs, Readings
 from treadline.hardware.emulators._serial import SerialBox, Terminal
 from treadline.hardware.ports import DriveLimits, DriveState
 from treadline.scenario.chair import read_chair
@@ -55,6 +55,9 @@ class FlatChair:
         self.ticks = 0
         self.fastest: list[tuple[float, float]] = []
         """Time, and the larger speed of both belts [m/s]."""
+        self.inputs = Inputs(dead_man=True)
+        self.runs_away_m_s = 0.0
+        """Speed that a belt has in addition to its set point."""
 
     @property
     def t_s(self) -> float:
@@ -63,7 +66,9 @@ class FlatChair:
     def step(self, outputs: Outputs) -> Readings:
         self.ticks += 1
         self.fastest.append((self.t_s, max(map(abs, outputs.belts_um_s)) * 1e-6))
-        return Readings(belts=tuple(round(speed / 100) for speed in outputs.belts_um_s))
+        away_um_s = 1e6 * self.runs_away_m_s * outputs.contactor
+        self.inputs.belts[:] = [round((speed + away_um_s) / 100) for speed in outputs.belts_um_s]
+        return Readings()
 
 
 class Rig:
@@ -99,10 +104,10 @@ class Rig:
             self.events += events_in([f"{self.chair.t_s:.2f} s: {line}" for line in self._drives()])
 
     def rearm(self) -> None:
-        """Re-arm, and stand for the rest of a second."""
-        self.run(0.3, 0.0, 0.0)
+        """Re-arm a stop that is old enough, and stand for the rest of a second."""
+        self.run(0.6, 0.0, 0.0)
         self.link.rearm()
-        self.run(0.7, 0.0, 0.0)
+        self.run(0.4, 0.0, 0.0)
 
 
 class Unthreaded:

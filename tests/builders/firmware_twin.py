@@ -11,12 +11,15 @@ from typing import Any
 Values = dict[str, Any]
 """Named numbers and truth values: Python's own, or a solver's."""
 WATCHDOG_MAX_MS = 100
-ARMED, START, STOPPED, WATCHDOG, TWO_HOSTS, DEAD_MAN, BUTTON, DRIVE_ERROR = range(8)
+ARMED, START, STOPPED, WATCHDOG, TWO_HOSTS, DEAD_MAN, BUTTON, DRIVE_ERROR, RUNAWAY = range(9)
 ACCEPTED, BROKEN, VERSION, FOREIGN, STALE, OUT_OF_ORDER, NOT_NOW, OLD_LATCH, NO_LIMITS, BLOCKED, BEYOND = range(11)
 DRIVE, HOLD, STOP, REARM, LIMITS = range(1, 6)
 JOINTS = ("left", "right", "seat", "flipper")
 LIMIT_NAMES = ("speed", "acceleration", "hold", "watchdog", "seat_limit", "flipper_limit")
 UM_S_PER_UNIT = 100
+HELD_MS, RELEASED_MS, AGAIN_MS, PRESS_MS, TURNS, TURNS_MS = 500, 750, 1000, 300, 500, 200
+AGES = ("held", "released", "pressed", "rearmed", "turned")
+FLAGS = ("turns", "open", "drives", "dead_man", "stop", "handset", "rearm")
 
 
 @dataclass(frozen=True)
@@ -39,16 +42,10 @@ PLAIN = Logic(
 
 def started(now_ms: int = 0) -> Values:
     """Return the memory of a box that has just started."""
-    numbers = ("sender", "sequence", "reply", "rejections", *JOINTS, *LIMIT_NAMES, "left_um_s", "right_um_s", "drive_error")
-    return dict.fromkeys(numbers, 0) | {
-        "now": now_ms,
-        "heard": now_ms,
-        "latch": 1,
-        "cause": START,
-        "drives": False,
-        "dead_man": False,
-        "stop": False,
-    }
+    numbers = ("sender", "sequence", "reply", "rejections", *AGES, *JOINTS, *LIMIT_NAMES, "left_um_s", "right_um_s", "drive_error")
+    belts = ("left_belt", "right_belt")
+    begun = {"now": now_ms, "heard": now_ms, "latch": 1, "cause": START, "pressed": AGAIN_MS, "rearmed": AGAIN_MS}
+    return dict.fromkeys((*numbers, *belts), 0) | dict.fromkeys(FLAGS, False) | begun
 
 
 def received(box: Values, message: Mapping[str, Any], logic: Logic = PLAIN) -> Values:
@@ -64,7 +61,15 @@ def received(box: Values, message: Mapping[str, Any], logic: Logic = PLAIN) -> V
     ]
     positive = [value > 0 for value in values[:4]] + [value >= 0 for value in values[4:]]
     valid = logic.every(*positive, values[1] >= values[2], values[3] <= WATCHDOG_MAX_MS)
-    blocked = logic.some(logic.no(box["dead_man"]), box["stop"], box["drive_error"] != 0)
+    blocked = logic.some(
+        logic.no(box["dead_man"]),
+        box["stop"],
+        box["drive_error"] != 0,
+        box["turns"],
+        box["held"] < HELD_MS,
+        box["rearmed"] < AGAIN_MS,
+        logic.every(box["handset"], box["pressed"] >= PRESS_MS),
+    )
     # The first rule that applies decides.
     reasons = [
         (kind == STOP, ACCEPTED),
@@ -105,15 +110,28 @@ def received(box: Values, message: Mapping[str, Any], logic: Logic = PLAIN) -> V
     for name, value in zip(LIMIT_NAMES, values, strict=True):
         new[name] = after(name, limited, logic.choose(valid, value, 0))
     new["latch"] = after("latch", halted, (box["latch"] + 1) % 2**16)
-    for side in ("left_um_s", "right_um_s"):
-        new[side] = after(side, halted, 0)
+    for name in ("left_um_s", "right_um_s", "held", "released"):
+        new[name] = after(name, halted, 0)
+    new["pressed"], new["rearmed"] = after("pressed", rearmed, AGAIN_MS), after("rearmed", rearmed, 0)
+    new["open"] = logic.every(box["open"], logic.no(rearmed))
     new["cause"] = logic.choose(halted, logic.choose(kind == STOP, STOPPED, TWO_HOSTS), logic.choose(rearmed, ARMED, box["cause"]))
     return new
 
 
 def ticked(box: Values, now_ms: Any, inputs: Mapping[str, Any], logic: Logic = PLAIN) -> tuple[Values, Values]:
-    """Return the memory after a tick with ``dead_man, stop, drive_error``, and what the drives do."""
+    """Return the memory after a tick with inputs, and what the drives do."""
     elapsed = (now_ms - box["now"]) % 2**32
+    counted = logic.choose(elapsed < WATCHDOG_MAX_MS, elapsed, WATCHDOG_MAX_MS)
+    older = {name: logic.choose(box[name] + counted < AGAIN_MS, box[name] + counted, AGAIN_MS) for name in AGES}
+    released = logic.choose(box["dead_man"], 0, older["released"])
+    pressed = logic.every(
+        box["cause"] != ARMED,
+        older["held"] >= HELD_MS,
+        logic.some(box["dead_man"], released >= RELEASED_MS),
+        inputs["rearm"],
+        logic.no(box["rearm"]),
+    )
+    against = logic.some(logic.no(inputs["dead_man"]), inputs["stop"])
     allowed = logic.choose(box["watchdog"] == 0, WATCHDOG_MAX_MS, box["watchdog"])
     causes = [
         (inputs["drive_error"] != 0, DRIVE_ERROR),
@@ -125,23 +143,33 @@ def ticked(box: Values, now_ms: Any, inputs: Mapping[str, Any], logic: Logic = P
     for condition, name in reversed(causes):
         cause = logic.choose(condition, name, cause)
     was_armed = box["cause"] == ARMED
-    halts = logic.every(was_armed, cause != ARMED)
-    armed = logic.every(was_armed, cause == ARMED)
-    step = logic.choose(armed, logic.choose(box["drives"], box["acceleration"], box["hold"]) * elapsed, 0)
-    new = box | {"now": now_ms} | dict(inputs)
-    new["cause"] = logic.choose(was_armed, cause, box["cause"])
-    new["latch"] = logic.choose(halts, (box["latch"] + 1) % 2**16, box["latch"])
+    runs = logic.every(was_armed, cause == ARMED)
+    step = logic.choose(box["drives"], box["acceleration"], box["hold"]) * counted
+    new = box | older | {"now": now_ms} | dict(inputs)
     for side in ("left", "right"):
         value, target = box[f"{side}_um_s"], logic.choose(box["drives"], box[side] * UM_S_PER_UNIT, 0)
         down = logic.choose(value - target > step, value - step, target)
         moved = logic.choose(target > value, logic.choose(target - value > step, value + step, target), down)
-        new[f"{side}_um_s"] = logic.choose(armed, moved, 0)
-    stands = logic.every(new["left_um_s"] == 0, new["right_um_s"] == 0)
+        new[f"{side}_um_s"] = logic.choose(runs, moved, 0)
+    ends = logic.every(logic.no(box["drives"]), new["left_um_s"] == 0, new["right_um_s"] == 0)
+    stands = logic.some(logic.no(runs), ends)
+    fast = [logic.some(inputs[name] > TURNS, inputs[name] < -TURNS) for name in ("left_belt", "right_belt")]
+    new["turned"] = logic.choose(box["turns"], older["turned"], 0)
+    new["turns"] = logic.every(stands, logic.some(*fast))
+    opens = logic.every(new["turns"], new["turned"] >= TURNS_MS)
+    new["open"] = logic.some(box["open"], opens)
+    cause = logic.choose(logic.every(runs, opens), RUNAWAY, cause)
+    new["cause"] = logic.choose(was_armed, cause, box["cause"])
+    armed, halts = logic.every(runs, cause == ARMED), logic.every(was_armed, cause != ARMED)
+    new["latch"] = logic.choose(halts, (box["latch"] + 1) % 2**16, box["latch"])
+    new["held"], new["released"] = logic.choose(halts, 0, older["held"]), logic.choose(halts, 0, released)
+    new["pressed"] = logic.choose(against, AGAIN_MS, logic.choose(pressed, 0, older["pressed"]))
     outputs = {
         "left_um_s": new["left_um_s"],
         "right_um_s": new["right_um_s"],
         "seat": logic.choose(armed, box["seat"], 0),
         "flipper": logic.choose(armed, box["flipper"], 0),
-        "brake": logic.some(logic.no(armed), logic.every(logic.no(box["drives"]), stands)),
+        "brake": stands,
+        "contactor": logic.no(new["open"]),
     }
     return new, outputs

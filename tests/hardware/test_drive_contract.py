@@ -178,3 +178,20 @@ def test_a_rearm_that_is_late_rearms_nothing(tmp_path: Path) -> None:
     rig.rearm()
     assert stands(rig.run(1.0))
     rig.link.close()
+
+
+def test_a_belt_that_turns_in_a_hold_loses_its_power_and_a_rearm_gives_it_back(tmp_path: Path) -> None:
+    """Test: a held belt slips at 0.06 m/s while it has power. Expected result: the contactor opens 0.2 s later, and says why."""
+    rig = serial_rig(tmp_path)
+    rig.rearm()
+    for rig.chair.runs_away_m_s in (0.0, 0.06):
+        for _ in range(50):
+            rig.run(TICK_S, silent=True)
+            rig.link.hold()
+    turned = [state for state in rig.states if state.left_m_s == pytest.approx(0.06)]
+    assert turned[-1].box_s - turned[0].box_s == pytest.approx(0.2)
+    assert str(rig.states[-1].error).startswith("a belt turned although the box stood")
+    rig.chair.runs_away_m_s = 0.0
+    rig.rearm()
+    assert rig.run(1.0)[-1].left_m_s == pytest.approx(0.2)
+    rig.link.close()

@@ -67,8 +67,8 @@ def test_errors_of_a_port_are_one_line_with_the_remedy(line: tuple[int, str, Exi
 
 def test_a_box_of_another_version_is_named(line: tuple[int, str, ExitStack]) -> None:
     link = SerialLink(port=line[1], limits=LIMITS)
-    os.write(line[0], frame_of(b"\x02" + bytes(76)))
-    with pytest.raises(LinkError, match=r"speaks version 2 .* program version 1; write the firmware of the same release"):
+    os.write(line[0], frame_of(b"\x01" + bytes(76)))
+    with pytest.raises(LinkError, match=r"speaks version 1 .* program version 2; write the firmware of the same release"):
         wait_for(lambda: bool(link.poll()))
     link.close()
 

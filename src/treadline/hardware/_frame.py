@@ -16,7 +16,7 @@ from typing import Any
 from treadline.core.errors import LinkError
 from treadline.hardware.ports import HOLD_M_S2, DriveLimits
 
-VERSION = 1
+VERSION = 2
 """Version of the messages, the first byte of each."""
 UNITS = {
     "drive": (1e-4, 1e-4, 1e-5, 1e-3),
@@ -49,11 +49,11 @@ _LONGEST = 254
 
 Kind = IntEnum("Kind", "DRIVE HOLD STOP REARM LIMITS")
 """Kinds of a host's messages."""
-Cause = IntEnum("Cause", "ARMED START STOPPED WATCHDOG TWO_HOSTS DEAD_MAN BUTTON DRIVE_ERROR", start=0)
+Cause = IntEnum("Cause", "ARMED START STOPPED WATCHDOG TWO_HOSTS DEAD_MAN BUTTON DRIVE_ERROR RUNAWAY", start=0)
 """Causes of a latched stop."""
 Reply = IntEnum("Reply", "ACCEPTED BROKEN VERSION FOREIGN STALE OUT_OF_ORDER NOT_NOW OLD_LATCH NO_LIMITS BLOCKED BEYOND", start=0)
 """Reasons for which the box rejected a message; ``firmware/rules.h`` describes each."""
-Flag = IntFlag("Flag", "BRAKE DEAD_MAN STOP REARM FLIGHT_ENDS GO_BACK")
+Flag = IntFlag("Flag", "BRAKE DEAD_MAN STOP REARM FLIGHT_ENDS GO_BACK OPEN")
 """Bits of ``BoxState.flags``."""
 Present = IntFlag("Present", "IMU SEAT FLIPPER HANDSET VOLTAGE")
 """Bits of ``BoxState.present``: what the box measures."""

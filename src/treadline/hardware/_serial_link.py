@@ -24,12 +24,15 @@ from treadline.hardware.ports import BoxReading, DriveLimits, DriveState
 
 SPEAKS_S = 2.0
 """Time without a message after which a device counts as silent [s]: boards that restart when their port opens take one."""
+REARM_S = 1.0
+"""Time for which a re-arm is repeated, the box's own between two [s]: its stop may be younger than the guard's hold."""
 MOVE_VALID_S = 0.1
 """Time for which rates of seat and flipper are valid [s], see ``JointLink``."""
 ERRORS = {
     Cause.TWO_HOSTS: "two hosts send commands to the box; stop one of them",
     Cause.DEAD_MAN: "the dead-man switch at the box was released",
     Cause.BUTTON: "the stop button at the box was pressed",
+    Cause.RUNAWAY: "a belt turned although the box stood, which cut the drives' power; check brake and drives",
 }
 PROBLEMS = {
     "lock": "is in use by another program; end it, or give another port",
@@ -123,6 +126,8 @@ class SerialLink:
         self._state: BoxState | None = None
         self._was_armed = False
         self._joints, self._joints_s = (0.0, 0.0), -math.inf
+        self._rearmed_s = -math.inf
+        self._ended: int | None = None
 
     def poll(self) -> Sequence[BoxReading]:
         """Return the readings since the last call, and hand the limits to a box that stands and has others.
@@ -136,6 +141,7 @@ class SerialLink:
                 # Of states that arrived together the older ones are older by the box's clock, unless it has started anew.
                 t_s = arrived_s - max((states[-1].now_ms - state.now_ms) * frame.MILLI, 0.0)
                 self._state, self._has_spoken = state, True
+                self._ended = None if state.cause == Cause.ARMED else self._ended
                 readings.extend(_sensor_readings(state, t_s))
                 if self._limits is not None:
                     readings.append(_drive_state(state, t_s, self._error(state)))
@@ -147,6 +153,8 @@ class SerialLink:
         newest = self._state if readings else None
         if newest is not None and self._limits is not None and newest.cause != Cause.ARMED and newest.limits != self._limits:
             self._send(Kind.LIMITS, self._limits)  # a box that stands accepts a re-arm afterwards
+        elif newest is not None and newest.latch == self._ended and time.monotonic() - self._rearmed_s < REARM_S:
+            self._send(Kind.REARM)
         return readings
 
     def send(self, left_m_s: float, right_m_s: float) -> None:
@@ -162,10 +170,12 @@ class SerialLink:
 
     def stop(self) -> None:
         """Stop at once, latched until ``rearm``."""
+        self._ended = None
         self._send(Kind.STOP)
 
     def rearm(self) -> None:
-        """End the latched stop that the newest state reported."""
+        """End the latched stop that the newest state reported, and no later one."""
+        self._rearmed_s, self._ended = time.monotonic(), None if self._state is None else self._state.latch
         self._send(Kind.REARM)
 
     def move(self, seat_m_s: float, flipper_rad_s: float) -> None:
@@ -200,6 +210,8 @@ class SerialLink:
     def _error(self, state: BoxState) -> str | None:
         """Return the error of a state in one line."""
         self._was_armed |= state.cause == Cause.ARMED
+        if Flag.OPEN in state.flags:
+            return ERRORS[Cause.RUNAWAY]
         if state.cause == Cause.START and self._was_armed:
             return "the box has started anew; check its supply"
         if state.cause == Cause.DRIVE_ERROR or state.drive_error:

@@ -68,6 +68,8 @@ class EmulatedAxis:
             case CanCommand.CLEAR_ERRORS:
                 self._cleared = self._box.state.latch
             case CanCommand.SET_AXIS_STATE if content == simple.WORD.pack(simple.CLOSED_LOOP) and not self._error:
+                for _ in range(100):  # the time that the rules of a box ask for, and an axis does not
+                    self.tick()
                 self._pass(Kind.REARM)
 
     @property
@@ -146,7 +148,7 @@ class CanAxes:
         self._terminal.write(self._sensors.frame(readings))
         is_even = round(1000 * self._chair.t_s) // TICK_MS % HEARTBEAT_TICKS == 0
         (voltage_v,) = frame.physical("voltage", [readings.voltage_mv])
-        for (node, axis), belt_m_s in zip(self._axes.items(), frame.physical("belts", readings.belts), strict=True):
+        for (node, axis), belt_m_s in zip(self._axes.items(), frame.physical("belts", self._chair.inputs.belts), strict=True):
             self._write(node, CanCommand.ENCODER_ESTIMATES, simple.FLOATS.pack(0.0, belt_m_s / self._turn_m))
             if is_even:
                 self._write(node, CanCommand.HEARTBEAT, axis.heartbeat)

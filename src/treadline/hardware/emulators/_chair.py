@@ -19,7 +19,7 @@ from treadline.core.signals import (
 from treadline.hardware import _frame as frame
 from treadline.hardware._frame import Present
 from treadline.hardware.emulators._faults import Faults
-from treadline.hardware.emulators._firmware import Outputs, Readings
+from treadline.hardware.emulators._firmware import Inputs, Outputs, Readings
 from treadline.hardware.emulators.camera import FrameFile
 from treadline.run.resolve import resolve
 
@@ -38,6 +38,8 @@ class EmulatedChair:
         self._plant = setup.open_plant()
         self._plant.start()
         self._faults, self._camera, self._ticks = faults, camera, 0
+        self.inputs = Inputs(dead_man=True)
+        """Inputs of a box without switches, at its next tick."""
         full_v = 0.0 if self.chair.battery is None else self.chair.battery.full_v
         self._readings = Readings(voltage_mv=frame.counts("voltage", [full_v])[0], present=Present.VOLTAGE)
 
@@ -73,7 +75,7 @@ class EmulatedChair:
         to, counts = self._readings, frame.counts
         match reading:
             case TrackReading():
-                to.belts[:] = counts("belts", self._wired(reading.left_m_s, reading.right_m_s))
+                self.inputs.belts[:] = counts("belts", self._wired(reading.left_m_s, reading.right_m_s))
             case ImuSample() if not self._faults.active("imu_frozen", self.t_s):
                 to.present |= Present.IMU
                 to.orientation[:] = counts("orientation", reading.orientation)

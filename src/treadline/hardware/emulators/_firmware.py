@@ -23,19 +23,21 @@ FRAME_MAX = 102
 class Inputs(Structure):
     """``tl_inputs``."""
 
-    _fields_ = [("dead_man", c_bool), ("stop", c_bool), ("drive_error", c_uint16)]
+    _fields_ = [*((name, c_bool) for name in ("dead_man", "stop", "handset", "rearm"))]
+    _fields_ += [("drive_error", c_uint16), ("belts", c_int16 * 2)]
 
 
 class Outputs(Structure):
     """``tl_outputs``."""
 
-    _fields_ = [("belts_um_s", c_int32 * 2), ("seat", c_int16), ("flipper", c_int16), ("brake", c_bool)]
+    _fields_ = [("belts_um_s", c_int32 * 2), ("seat", c_int16), ("flipper", c_int16)]
+    _fields_ += [("brake", c_bool), ("contactor", c_bool)]
 
 
 class Readings(Structure):
     """``tl_readings``."""
 
-    _fields_ = [("present", c_uint8), ("buttons", c_uint8), ("belts", c_int16 * 2), ("voltage_mv", c_uint16)]
+    _fields_ = [("present", c_uint8), ("buttons", c_uint8), ("voltage_mv", c_uint16)]
     _fields_ += [("orientation", c_int16 * 4), ("rates", c_int16 * 3), ("accelerations", c_int16 * 3)]
     _fields_ += [("seat", c_int16 * 2), ("flipper", c_int16 * 2)]
 

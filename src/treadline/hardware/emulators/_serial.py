@@ -17,7 +17,7 @@ from treadline.hardware.emulators._faults import Faults, FaultyLine, spoilt_byte
 from treadline.hardware.emulators._firmware import DriveBox, Inputs
 
 TICK_MS = round(1000 * TICK_S)
-SOUND = Inputs(dead_man=True, stop=False, drive_error=0)
+SOUND = Inputs(dead_man=True)
 """Inputs of a box without switches at its drives."""
 
 
@@ -86,7 +86,7 @@ class SerialBox:
         now_ms = round(1000 * (t_s - self._started_s))
         for frame in self._received(t_s, now_ms):
             self._box.receive(frame)
-        outputs = self._box.tick(now_ms, SOUND)
+        outputs = self._box.tick(now_ms, self._chair.inputs)
         yield from self._box.events()
         state = self._box.frame(self._chair.step(outputs))
         if not self._faults.active("unplugged", t_s):
