@@ -18,7 +18,7 @@ REAL_TIME := $(addprefix tests/hardware/test_,arming.py bno055.py guard_process.
 EMULATED := $(addprefix tests/hardware/test_,drive_on_emulator.py tick_in_bursts.py)
 RERUN := --reruns 2 --reruns-delay 5
 
-.PHONY: help setup lock reproduce quick publish test fast shapes slow test-ros1 test-ros2 test-gazebo test-browser firmware test-firmware check coverage format docs docs-serve schema dist clean
+.PHONY: help setup lock reproduce quick publish test fast shapes slow test-ros1 test-ros2 test-gazebo test-browser firmware test-firmware prove check coverage format docs docs-serve schema dist clean
 
 help:
 	@echo "make reproduce    run the whole paper and write $(OUT)/report.html"
@@ -35,6 +35,7 @@ help:
 	@echo "make test-ros1    install ROS 1 from Debian (root; asks, unless CI=true) and run the graph on a real roscore"
 	@echo "make firmware     compile the firmware of the box at the drives and, beside it in build/firmware, the exported heading controller"
 	@echo "make test-firmware  run the self-tests of both under the sanitisers; each branch of the firmware must be taken (gcov)"
+	@echo "make prove        prove the firmware free of run-time errors and its rules true (Frama-C), and count deviations from MISRA (cppcheck)"
 	@echo "make check        formatter, linter, types, import contracts"
 	@echo "make coverage     measure that the guard's own tests take each of its branches"
 	@echo "make lock         resolve all requirements anew and write their versions and hashes to requirements/"
@@ -143,6 +144,9 @@ build/firmware/heading: $(VENV)/.base
 
 firmware test-firmware: build/firmware/heading
 	$(MAKE) -C firmware $(if $(filter test-%,$@),test,all) heading
+
+prove:
+	$(MAKE) -C firmware prove
 
 check: $(VENV)/.dev
 	$(BIN)/ruff format --check .

@@ -108,16 +108,86 @@ typedef struct {
     tl_inputs inputs;
 } tl_rules;
 
+/* What holds of each state that the box reaches; annotations in ACSL, here and below, are proved by make prove. */
+/*@ predicate are_unset(tl_rules *r) =
+        r->limits[TL_LIMIT_SPEED] == 0 && r->limits[TL_LIMIT_ACCELERATION] == 0 && r->limits[TL_LIMIT_HOLD] == 0 &&
+        r->limits[TL_LIMIT_WATCHDOG] == 0 && r->limits[TL_LIMIT_SEAT] == 0 && r->limits[TL_LIMIT_FLIPPER] == 0;
+
+    predicate are_valid(tl_rules *r) =
+        r->limits[TL_LIMIT_SPEED] > 0 && r->limits[TL_LIMIT_HOLD] > 0 &&
+        r->limits[TL_LIMIT_ACCELERATION] >= r->limits[TL_LIMIT_HOLD] &&
+        0 < r->limits[TL_LIMIT_WATCHDOG] <= TL_WATCHDOG_MAX_MS &&
+        r->limits[TL_LIMIT_SEAT] >= 0 && r->limits[TL_LIMIT_FLIPPER] >= 0;
+
+    predicate are_within(tl_rules *r) =
+        -r->limits[TL_LIMIT_SPEED] <= r->targets[TL_LEFT] <= r->limits[TL_LIMIT_SPEED] &&
+        -r->limits[TL_LIMIT_SPEED] <= r->targets[TL_RIGHT] <= r->limits[TL_LIMIT_SPEED] &&
+        -r->limits[TL_LIMIT_SEAT] <= r->targets[TL_SEAT] <= r->limits[TL_LIMIT_SEAT] &&
+        -r->limits[TL_LIMIT_FLIPPER] <= r->targets[TL_FLIPPER] <= r->limits[TL_LIMIT_FLIPPER] &&
+        -100 * r->limits[TL_LIMIT_SPEED] <= r->belts_um_s[TL_LEFT] <= 100 * r->limits[TL_LIMIT_SPEED] &&
+        -100 * r->limits[TL_LIMIT_SPEED] <= r->belts_um_s[TL_RIGHT] <= 100 * r->limits[TL_LIMIT_SPEED];
+
+    predicate are_ages(tl_rules *r) =
+        r->held_ms <= TL_AGE_MAX && r->released_ms <= TL_AGE_MAX && r->pressed_ms <= TL_AGE_MAX &&
+        r->rearmed_ms <= TL_AGE_MAX && r->turned_ms <= TL_AGE_MAX;
+
+    predicate is_sound(tl_rules *r) =
+        (are_unset(r) || are_valid(r)) && are_ages(r) &&
+        (r->cause == TL_ARMED ==> are_valid(r) && are_within(r) && !r->is_open) &&
+        (r->cause != TL_ARMED ==> r->belts_um_s[TL_LEFT] == 0 && r->belts_um_s[TL_RIGHT] == 0);
+
+    logic integer watchdog_of(tl_rules *r) =
+        r->limits[TL_LIMIT_WATCHDOG] == 0 ? TL_WATCHDOG_MAX_MS : r->limits[TL_LIMIT_WATCHDOG];
+
+    predicate may_rearm(tl_rules *r) =
+        r->limits[TL_LIMIT_SPEED] > 0 && r->inputs.dead_man && !r->inputs.stop && r->inputs.drive_error == 0 && !r->turns &&
+        r->held_ms >= TL_HELD_MS && r->rearmed_ms >= TL_AGAIN_MS && (r->inputs.handset ==> r->pressed_ms < TL_PRESS_MS);
+*/
+
 /* Latched stop of a box that has just started. */
+/*@ requires \valid(rules);
+    assigns *rules; */
 void tl_rules_start(tl_rules *rules, uint32_t now_ms);
 
 /* Judge a message at the time of the last tick. */
+/*@ requires \valid(rules) && \valid_read(message) && \separated(rules, message) && is_sound(rules);
+    assigns *rules;
+    ensures sound: is_sound(rules);
+    ensures no_rearm_without_its_act:
+        \old(rules->cause) != TL_ARMED && rules->cause == TL_ARMED ==>
+        message->kind == TL_REARM && message->latch == \old(rules->latch) && \old(may_rearm(rules)) &&
+        (uint32_t)(\old(rules->now_ms) - message->stamp_ms) < TL_WATCHDOG_MAX_MS;
+    ensures a_stop_is_obeyed: message->kind == TL_STOP ==> rules->cause != TL_ARMED; */
 tl_reply tl_rules_receive(tl_rules *rules, const tl_message *message);
 
 /* Count a rejected message. */
+/*@ requires \valid(rules);
+    assigns rules->reply, rules->rejections;
+    ensures \result == reply; */
 tl_reply tl_rules_reject(tl_rules *rules, tl_reply reply);
 
 /* Advance to a time and return what the drives do; called at least every 10 ms. */
+/*@ requires \valid(rules) && \valid_read(inputs) && \separated(rules, inputs) && is_sound(rules);
+    assigns *rules;
+    ensures sound: is_sound(rules);
+    ensures a_latched_box_stands:
+        rules->cause != TL_ARMED ==> \result.brake && \result.belts_um_s[TL_LEFT] == 0 && \result.belts_um_s[TL_RIGHT] == 0 &&
+        \result.seat == 0 && \result.flipper == 0;
+    ensures no_set_point_beyond_its_limit:
+        -100 * rules->limits[TL_LIMIT_SPEED] <= \result.belts_um_s[TL_LEFT] <= 100 * rules->limits[TL_LIMIT_SPEED] &&
+        -100 * rules->limits[TL_LIMIT_SPEED] <= \result.belts_um_s[TL_RIGHT] <= 100 * rules->limits[TL_LIMIT_SPEED] &&
+        -rules->limits[TL_LIMIT_SEAT] <= \result.seat <= rules->limits[TL_LIMIT_SEAT] &&
+        -rules->limits[TL_LIMIT_FLIPPER] <= \result.flipper <= rules->limits[TL_LIMIT_FLIPPER];
+    ensures the_watchdog_acts_in_time:
+        (uint32_t)(now_ms - \old(rules->heard_ms)) >= watchdog_of(rules) ||
+        (uint32_t)(now_ms - \old(rules->now_ms)) >= watchdog_of(rules) ==> rules->cause != TL_ARMED;
+    ensures no_tick_ends_a_stop: \old(rules->cause) != TL_ARMED ==> rules->cause == \old(rules->cause);
+    ensures a_press_is_an_act:
+        rules->pressed_ms == 0 && \old(rules->pressed_ms) > 0 ==>
+        inputs->rearm && !\old(rules->inputs.rearm) && inputs->dead_man && !inputs->stop && rules->held_ms >= TL_HELD_MS &&
+        (\old(rules->inputs.dead_man) || rules->released_ms >= TL_RELEASED_MS) && rules->cause != TL_ARMED;
+    ensures a_belt_that_turns_opens_the_contactor:
+        rules->turns && rules->turned_ms >= TL_TURNS_MS ==> !\result.contactor && rules->cause != TL_ARMED; */
 tl_outputs tl_rules_tick(tl_rules *rules, uint32_t now_ms, const tl_inputs *inputs);
 
 #endif
