@@ -157,19 +157,19 @@ def theorems() -> Iterator[tuple[str, Any, Any]]:
     other_key = z3.Or(box["dead_man"], after["released"] >= twin.RELEASED_MS)
     act = z3.And(inputs["rearm"], z3.Not(box["rearm"]), inputs["dead_man"], z3.Not(inputs["stop"]), other_key)
     yield (
-        "a press counts if it is an act, of a person who answers a stop",
+        "a press counts if it is an act",
         z3.And(ticked, after["pressed"] == 0, box["pressed"] > 0),
         z3.And(act, latched, after["held"] >= twin.HELD_MS),
     )
     yield (
-        "with a handset, a re-arm needs a press that counts, 0.3 s old at most, which it uses up",
+        "with a handset, a re-arm uses up a press of the last 0.3 s",
         z3.And(heard, rearms, box["handset"]),
         z3.And(box["pressed"] < twin.PRESS_MS, judged["pressed"] >= twin.PRESS_MS),
     )
     turns = z3.Or(*(z3.Or(inputs[name] > twin.TURNS, inputs[name] < -twin.TURNS) for name in ("left_belt", "right_belt")))
     lasts = z3.And(box["turns"], box["turned"] + elapsed >= twin.TURNS_MS, elapsed <= twin.WATCHDOG_MAX_MS)
     yield (
-        "a belt that turns for 0.2 s although the box stands opens the contactor, and the box stays latched",
+        "a belt that turns for 0.2 s although the box stands opens the contactor",
         z3.And(ticked, outputs["brake"], turns, lasts),
         z3.And(z3.Not(outputs["contactor"]), after["cause"] != twin.ARMED),
     )

@@ -17,6 +17,7 @@ from serial.tools.list_ports import comports
 
 from treadline.core.errors import LinkError
 from treadline.core.signals import FlipperReading, ImuSample, OperatorInput, SeatReading
+from treadline.guard.stop_latch import AGAIN_S
 from treadline.hardware import _frame as frame
 from treadline.hardware._frame import BoxState, Cause, Flag, FrameReader, HostMessage, Kind, Present, Reply
 from treadline.hardware.device_threads import DeviceThreads, received_bytes
@@ -24,8 +25,6 @@ from treadline.hardware.ports import BoxReading, DriveLimits, DriveState
 
 SPEAKS_S = 2.0
 """Time without a message after which a device counts as silent [s]: boards that restart when their port opens take one."""
-REARM_S = 1.0
-"""Time for which a re-arm is repeated, the box's own between two [s]: its stop may be younger than the guard's hold."""
 MOVE_VALID_S = 0.1
 """Time for which rates of seat and flipper are valid [s], see ``JointLink``."""
 ERRORS = {
@@ -126,8 +125,7 @@ class SerialLink:
         self._state: BoxState | None = None
         self._was_armed = False
         self._joints, self._joints_s = (0.0, 0.0), -math.inf
-        self._rearmed_s = -math.inf
-        self._ended: int | None = None
+        self._ended: tuple[int, float] | None = None
 
     def poll(self) -> Sequence[BoxReading]:
         """Return the readings since the last call, and hand the limits to a box that stands and has others.
@@ -153,8 +151,9 @@ class SerialLink:
         newest = self._state if readings else None
         if newest is not None and self._limits is not None and newest.cause != Cause.ARMED and newest.limits != self._limits:
             self._send(Kind.LIMITS, self._limits)  # a box that stands accepts a re-arm afterwards
-        elif newest is not None and newest.latch == self._ended and time.monotonic() - self._rearmed_s < REARM_S:
-            self._send(Kind.REARM)
+        elif newest is not None and self._ended is not None and newest.latch == self._ended[0]:
+            if time.monotonic() - self._ended[1] < AGAIN_S:
+                self._send(Kind.REARM)  # the box's stop may be younger than the guard's hold
         return readings
 
     def send(self, left_m_s: float, right_m_s: float) -> None:
@@ -175,7 +174,7 @@ class SerialLink:
 
     def rearm(self) -> None:
         """End the latched stop that the newest state reported, and no later one."""
-        self._rearmed_s, self._ended = time.monotonic(), None if self._state is None else self._state.latch
+        self._ended = None if self._state is None else (self._state.latch, time.monotonic())
         self._send(Kind.REARM)
 
     def move(self, seat_m_s: float, flipper_rad_s: float) -> None:
@@ -210,8 +209,6 @@ class SerialLink:
     def _error(self, state: BoxState) -> str | None:
         """Return the error of a state in one line."""
         self._was_armed |= state.cause == Cause.ARMED
-        if Flag.OPEN in state.flags:
-            return ERRORS[Cause.RUNAWAY]
         if state.cause == Cause.START and self._was_armed:
             return "the box has started anew; check its supply"
         if state.cause == Cause.DRIVE_ERROR or state.drive_error:
@@ -224,7 +221,7 @@ class SerialLink:
             return ERRORS[Cause.BUTTON]
         if state.cause in (Cause.START, Cause.STOPPED) and Flag.DEAD_MAN not in state.flags:
             return ERRORS[Cause.DEAD_MAN]
-        return ERRORS.get(state.cause)
+        return ERRORS.get(Cause.RUNAWAY if Flag.OPEN in state.flags else state.cause)
 
 
 def _sensor_readings(state: BoxState, t_s: float) -> list[BoxReading]:
