@@ -25,6 +25,8 @@ from treadline.hardware.ports import BoxReading, DriveLimits, DriveState
 
 SPEAKS_S = 2.0
 """Time without a message after which a device counts as silent [s]: boards that restart when their port opens take one."""
+NEVER = (0, -math.inf)
+"""Latched stop that a re-arm ended, and when: none yet."""
 MOVE_VALID_S = 0.1
 """Time for which rates of seat and flipper are valid [s], see ``JointLink``."""
 ERRORS = {
@@ -125,7 +127,7 @@ class SerialLink:
         self._state: BoxState | None = None
         self._was_armed = False
         self._joints, self._joints_s = (0.0, 0.0), -math.inf
-        self._ended: tuple[int, float] | None = None
+        self._ended = NEVER
 
     def poll(self) -> Sequence[BoxReading]:
         """Return the readings since the last call, and hand the limits to a box that stands and has others.
@@ -139,7 +141,7 @@ class SerialLink:
                 # Of states that arrived together the older ones are older by the box's clock, unless it has started anew.
                 t_s = arrived_s - max((states[-1].now_ms - state.now_ms) * frame.MILLI, 0.0)
                 self._state, self._has_spoken = state, True
-                self._ended = None if state.cause == Cause.ARMED else self._ended
+                self._ended = NEVER if state.cause == Cause.ARMED else self._ended
                 readings.extend(_sensor_readings(state, t_s))
                 if self._limits is not None:
                     readings.append(_drive_state(state, t_s, self._error(state)))
@@ -151,9 +153,8 @@ class SerialLink:
         newest = self._state if readings else None
         if newest is not None and self._limits is not None and newest.cause != Cause.ARMED and newest.limits != self._limits:
             self._send(Kind.LIMITS, self._limits)  # a box that stands accepts a re-arm afterwards
-        elif newest is not None and self._ended is not None and newest.latch == self._ended[0]:
-            if time.monotonic() - self._ended[1] < AGAIN_S:
-                self._send(Kind.REARM)  # the box's stop may be younger than the guard's hold
+        elif newest is not None and newest.latch == self._ended[0] and time.monotonic() - self._ended[1] < AGAIN_S:
+            self._send(Kind.REARM)  # the box's stop may be younger than the guard's hold
         return readings
 
     def send(self, left_m_s: float, right_m_s: float) -> None:
@@ -169,12 +170,12 @@ class SerialLink:
 
     def stop(self) -> None:
         """Stop at once, latched until ``rearm``."""
-        self._ended = None
+        self._ended = NEVER
         self._send(Kind.STOP)
 
     def rearm(self) -> None:
         """End the latched stop that the newest state reported, and no later one."""
-        self._ended = None if self._state is None else (self._state.latch, time.monotonic())
+        self._ended = NEVER if self._state is None else (self._state.latch, time.monotonic())
         self._send(Kind.REARM)
 
     def move(self, seat_m_s: float, flipper_rad_s: float) -> None:
