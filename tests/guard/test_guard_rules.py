@@ -191,7 +191,9 @@ CASES = [
         limits={"processes": ("control",)},
     ),
     case("PlanSilence", silence("plan"), 0.28, EVER, 0.3, "plan silent for 0.3"),
-    case("Battery", value("plant", "battery_v"), 22.0, 21.9, 1.0, "the battery is at 21.9 V", limits={"battery_least_v": 22.0}),
+    case(
+        "BatteryMonitor", value("plant", "battery_v"), 22.0, 21.9, 1.0, "the battery is at 21.9 V", limits={"battery_least_v": 22.0}
+    ),
     case("TiltMonitor", attitude(pitch=1.0), 39.9, 40.1, 0.05, "pitch 40°", brakes=True),
     case("TiltMonitor", attitude(pitch=-1.0), 14.9, 15.1, 0.05, "pitch -15°", brakes=True),
     case("TiltMonitor", attitude(roll=1.0), 19.9, 20.1, 0.05, "roll 20°", brakes=True),

@@ -44,7 +44,7 @@ class PlantFault(Monitor):
             self._cause = f"the plant braked by itself: {message.fault}"
 
 
-class Battery(Monitor):
+class BatteryMonitor(Monitor):
     """The battery's voltage is below the least one of the robot file.
 
     Time: 1 s.

@@ -9,7 +9,7 @@ from treadline.guard._drop_monitor import DropMonitor
 from treadline.guard._gyro_only_turn import GyroOnlyTurn, TurnedOver
 from treadline.guard._known import Monitor
 from treadline.guard._obstacle_monitor import AheadMonitor
-from treadline.guard._pace import Battery, Pace, PlantFault
+from treadline.guard._pace import BatteryMonitor, Pace, PlantFault
 from treadline.guard._sensor_timeouts import BothSenses, FilterHealth, Senses
 from treadline.guard._silence import (
     DriveSilence,
@@ -28,7 +28,7 @@ RULES: tuple[type[Monitor], ...] = (
     LinkSilence,
     ProcessSilence,
     PlanSilence,
-    Battery,
+    BatteryMonitor,
     TiltMonitor,
     SeatMonitor,
     DriveSilence,
