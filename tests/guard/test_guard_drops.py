@@ -118,6 +118,7 @@ def test_what_ends_beyond_a_rising_flights_first_nosing_is_no_end_of_the_floor()
     assert up(0.8).cause(0.1, "mount") is None
     assert "the ground ends" in str(up(0.9).cause(0.1, "mount"))
     assert "the ground ends" in str(up(0.8, maps=1).cause(0.1, "mount"))
+    assert "the ground ends" in str(Chair().look(**ends).map(direction="up").cause(0.1, "mount"))  # nosings behind, called a rise
     landed = up(0.8)
     for pitch_deg in (20.0, 0.0):
         landed.monitor.update_motion(landed.t_s, pitch_deg * DEG)

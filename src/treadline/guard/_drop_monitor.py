@@ -199,15 +199,16 @@ class DropMonitor(Monitor):
     def look_on_stair(self, stair: StairMap, travel_m: float) -> None:
         """Update with the nosings of one map and the belt travel at its exposure.
 
-        Rising flights are seen forwards, falling ones backwards. One nosing counts if the floor beyond it was seen, as down a kerb.
-        The edge of a landing is one run before a nosing that is one rise below the chair, if that is below the image.
+        Rising flights are seen forwards, falling ones backwards; a map that says otherwise of its nosings shows none. One nosing
+        counts if the floor beyond it was seen, as down a kerb. The edge of a landing is one run before a nosing that is one rise
+        below the chair, if that is below the image.
         """
         if len(stair.nosings_B) < (1 if stair.ends else 2):
             return
         x_m, _, z_m = stair.nosings_B[0]
-        if stair.direction == "up":
+        if stair.direction == "up" and x_m > 0.0:
             self._ground[1.0].look_up_stair(x_m + travel_m)
-        else:
+        elif stair.direction == "down" and x_m < 0.0:
             behind, next_m, inner_m = self._ground[-1.0], -x_m - travel_m, -x_m - stair.run_m - travel_m
             is_hidden = abs(z_m + stair.rise_m) < 0.5 * stair.rise_m and inner_m < behind.blind_m
             is_level = self._flat_s is not None and (is_hidden or abs(z_m) < 0.5 * stair.rise_m)
