@@ -366,43 +366,6 @@ def test_what_slides_back_unseen_counts_as_far_as_nosings_are_matched() -> None:
     assert stands.cause(NOW) is None
 
 
-def test_maps_without_nosings_or_long_apart_are_not_compared() -> None:
-    """Test: no nosings in one map; 0.25 and 0.5 s between two. Expected result: nothing is lost between them but in 0.25 s."""
-    watch = SlipMonitor(limits())
-    watch.look(0.0, [1.0], 0.0, 0.0)
-    watch.look(0.25, [0.9375], 0.125, 0.0)
-    assert watch._roll_back_m == 0.0625
-    watch.look(0.75, [0.625], 0.5, 0.0)
-    assert watch._roll_back_m == 0.0625
-    assert len(watch._window) == 1
-    watch.look(0.875, [], 0.5, 0.0)
-    watch.look(1.0, [0.5], 0.625, 0.0)
-    assert watch._roll_back_m == 0.0625
-    assert len(watch._window) == 1
-    watch._cause, watch.slip, watch._since_s = "x", 0.5, 0.0
-    watch.forget()
-    assert (watch.cause(NOW), watch.slip, watch._since_s, len(watch._window)) == (None, 0.0, None, 0)
-    watch.look(1.0625, [0.0], 0.625, 0.0)
-    assert watch._roll_back_m == 0.0625
-
-
-def test_nosings_that_are_not_where_any_was_begin_anew_and_one_stray_does_not_count() -> None:
-    """Test: after some slip, maps 0.15 m apart under belts that stand; then four nosings, one of them off. Expected result: these
-    are other nosings, and what was lost is forgotten; the middle of four is what the chair did."""
-    watch = slipping(limits(normal_slip=0.25), (0.0625, 0.03125, 7))
-    there = np.array([1.28125, 1.78125, 2.28125, 2.78125])
-    assert watch.slip == 0.5
-    watch.look(2.0, list(there), 0.4375, 0.0)
-    assert watch.slip == 0.5
-    watch.look(2.125, list(there + 0.15), 0.4375, 0.0)
-    assert (watch.slip, watch.cause(NOW), len(watch._window)) == (0.0, None, 1)
-    roll_back_m = watch._roll_back_m
-    watch.look(2.25, list(there + np.array([0.03, 0.15, 0.15, 0.15])), 0.4375, 0.0)
-    assert watch._roll_back_m == roll_back_m
-    watch.look(2.375, list(there + np.array([0.15, 0.175, 0.175, 0.175])), 0.4375, 0.0)
-    assert watch._roll_back_m == pytest.approx(roll_back_m + 0.025)
-
-
 def test_a_place_counts_by_the_share_of_the_frames_that_show_it() -> None:
     """Test: places in one of two, three and four frames, one that moves, two at once. Expected result: there with a gain of three
     from a share of a third; what is out of view is kept, and what a nearer place hides; forgotten once it is passed."""
