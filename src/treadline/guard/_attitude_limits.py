@@ -8,8 +8,7 @@ from treadline.core.angles import DEG, tilt_of
 from treadline.core.signals import ROUNDING_S, ImuSample, SeatReading
 from treadline.guard._guard_config import GuardConfig
 from treadline.guard._half_cosine_stop import Stop
-from treadline.guard._known import Known, Monitor
-from treadline.guard._lasting import Lasting
+from treadline.guard._known import Known, Lasting, Monitor
 
 
 class TiltMonitor(Monitor):

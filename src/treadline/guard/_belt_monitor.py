@@ -5,8 +5,7 @@ from typing import Any
 
 from treadline.core.signals import ROUNDING_S, TrackCommand, TrackReading
 from treadline.guard._guard_config import GuardConfig
-from treadline.guard._known import Known, Monitor
-from treadline.guard._lasting import Lasting
+from treadline.guard._known import Known, Lasting, Monitor
 
 BRAKE_M_S2 = 10.0
 """Deceleration of a belt by the brake [m/s²]; a parameter of the guard, independent of the plant."""

@@ -1,11 +1,14 @@
-"""What the guard knows at a tick, and the monitor that judges it: ``messages, Known -> cause of a hold, speed restriction``."""
+"""What the guard knows at a tick, the monitor that judges it, and the time for which a fault lasts.
+
+``messages, Known -> cause of a hold, speed restriction``.
+"""
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from treadline.core.signals import CommandSource, HeadingEstimate, MotionPlan, TrackCommand
+from treadline.core.signals import ROUNDING_S, CommandSource, HeadingEstimate, MotionPlan, TrackCommand
 from treadline.guard._belt_travel import BeltTravel
 from treadline.guard._frame_monitor import FrameMonitor
 from treadline.guard._guard_config import GuardConfig
@@ -106,3 +109,30 @@ class Monitor:
     def restart(self, known: Known) -> None:
         """Start again, after a re-arm."""
         self._cause = None
+
+
+class Lasting:
+    """Time beyond a limit minus time within it, never below zero: a shock is soon over, a flickering fault is not.
+
+    Each interval counts by the sample that ends it. A fault that is there for a share p of the time lasts after the limit divided
+    by 2p - 1.
+
+    Args:
+        limit_s: Time beyond the limit after which a fault lasts [s].
+        gap_s: Longest interval between two samples that counts [s].
+    """
+
+    def __init__(self, limit_s: float, gap_s: float) -> None:
+        self._limit_s, self._gap_s = limit_s, gap_s
+        self._t_s, self._over_s = math.inf, 0.0
+
+    def update(self, t_s: float, *, beyond: bool) -> bool:
+        """Return whether the fault lasts, after one more sample."""
+        dt_s = min(max(t_s - self._t_s, 0.0), self._gap_s)
+        before_s, self._t_s = self._over_s, t_s
+        self._over_s = max(before_s + (dt_s if beyond else -dt_s), 0.0)
+        return beyond and before_s >= self._limit_s - ROUNDING_S
+
+    def forget(self, t_s: float) -> None:
+        """Start again with a sample within the limit."""
+        self._t_s, self._over_s = t_s, 0.0

@@ -5,8 +5,7 @@ from typing import Any
 from treadline.core.signals import TICK_S, PlantState
 from treadline.guard._guard_config import GuardConfig
 from treadline.guard._half_cosine_stop import Stop
-from treadline.guard._known import Known, Monitor
-from treadline.guard._lasting import Lasting
+from treadline.guard._known import Known, Lasting, Monitor
 
 
 class Pace(Monitor):

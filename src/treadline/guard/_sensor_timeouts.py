@@ -6,8 +6,7 @@ from typing import Any
 from treadline.core.signals import FrameQuality, HeadingHealth, HeadingMeasurement, ImuSample, MotionPlan, StairMap
 from treadline.guard._guard_config import TIPPING, GuardConfig
 from treadline.guard._half_cosine_stop import Stop
-from treadline.guard._known import Known, Monitor
-from treadline.guard._lasting import Lasting
+from treadline.guard._known import Known, Lasting, Monitor
 from treadline.guard._silence import last
 
 

@@ -171,7 +171,8 @@ class Guard:
         for monitor in self._watches.values():
             self._latch.hold(t_s, monitor.stop, monitor.cause(known))
         if self._latch.cause is not None:
-            known.passed = self._latch.stop(t_s, self._expected_m_s)
+            expected_m_s = next(monitor.expected_m_s for monitor in self._watches.values() if isinstance(monitor, BeltMonitor))
+            known.passed = self._latch.stop(t_s, expected_m_s)
         return Commands(known.passed, self._seat_now(t_s), self._flipper_now(t_s))
 
     def take_events(self) -> list[Event]:
@@ -355,11 +356,6 @@ class Guard:
             for monitor in self._watches.values():
                 if isinstance(monitor, Silence):
                     monitor.excuse(known.passed_s)
-
-    @property
-    def _expected_m_s(self) -> tuple[float, float]:
-        """Belt speeds expected by the drive model."""
-        return next(monitor.expected_m_s for monitor in self._watches.values() if isinstance(monitor, BeltMonitor))
 
     def _limited(self, t_s: float) -> TrackCommand:
         """Return the proposal within the limits of heading, phase and speed restrictions."""
