@@ -35,6 +35,7 @@ from treadline.estimation._fault_detection import (
     StuckRule,
 )
 from treadline.estimation._multiple_model import GyroModel, MultipleModelKalmanFilter
+from treadline.estimation.offset import COAST_S
 
 FULL_SCALE_RAD_S = 250.0 * DEG
 """Gyro full-scale range [rad/s] (MPU-6050): belts at ±1 m/s turn the chair at 176 °/s; larger readings are invalid."""
@@ -68,7 +69,7 @@ class FilterConfig:
     """Consecutive rejected measurements that constitute a disagreement."""
     report_s: float = 2.0
     """Duration for which a corrected fault is reported [s]."""
-    coast_s: float = 0.5
+    coast_s: float = COAST_S
     """Time without vision after which the source is reported as the gyro [s]."""
     vision_floor_rad: float = 0.1 * DEG
     """Smallest standard deviation of a vision heading [rad]; the camera mount limits the accuracy."""

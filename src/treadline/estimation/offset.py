@@ -28,6 +28,7 @@ class AberrationRule:
 OFFSET_SIGMA_RAD = 0.5 * DEG
 """Declared standard deviation [rad]; the method provides none."""
 COAST_S = 0.5
+"""Time without vision after which the source of an estimate is the gyro [s], also of the heading filter."""
 PAIRED_S = 0.05
 """Largest time between a frame and its IMU sample [s]."""
 MEMORY_S = 1.0

@@ -27,13 +27,13 @@ class Known:
     """Reports an event: its name and its cause."""
     is_reading: bool = False
     """Whether the message that is heard comes from a sensor, not from another block."""
-    t_s: float = 0.0
+    t_s: float
     """Time of the tick."""
-    passed_s: float = 0.0
+    passed_s: float
     """Time since the previous tick."""
-    same_ticks: int = 0
+    same_ticks: int
     """Number of ticks since then at one time."""
-    commanded_s: float = 0.0
+    commanded_s: float
     """Time of the latest command of the belts' source."""
     passed: TrackCommand
     """Command that the belts have; within a tick, before its causes are asked for, the one that they would get."""

@@ -67,6 +67,10 @@ class Guard:
             travel=BeltTravel(config.silence_s),
             report=lambda name, cause: self._latch.report(self._now_s, name, cause),
             passed=TrackCommand.stop(0.0),
+            t_s=0.0,
+            passed_s=0.0,
+            same_ticks=0,
+            commanded_s=0.0,
         )
         self._watches = {rule: rule(config) for rule in RULES if rule.is_watched(config)}
         self._hearers: dict[type, list[Monitor]] = {}
