@@ -181,7 +181,7 @@ class DropMonitor(Monitor):
                 self.update_motion(message.t_s, message.pitch_rad)
             case FreeGround():
                 self.look(message, known.travel.at(message.t_s)[0])
-            case StairMap():
+            case _:
                 self.look_on_stair(message, known.travel.at(message.t_s)[0])
 
     def update_motion(self, t_s: float, pitch_rad: float) -> None:

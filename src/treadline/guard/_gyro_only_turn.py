@@ -50,7 +50,7 @@ class GyroOnlyTurn(Monitor):
                 self.seen(message.t_s)
             case ImuSample():
                 self.update_motion(message.t_s, message.orientation, -message.angular_velocity_rad_s[1])
-            case TrackReading():
+            case _:
                 self.update_belts(message.t_s, message.right_m_s - message.left_m_s, known.followed)
 
     def seen(self, t_s: float) -> None:

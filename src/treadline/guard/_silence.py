@@ -187,7 +187,7 @@ class MapMonitor(Monitor):
         """Update with a measured heading, or a map."""
         if isinstance(message, StairMap):
             self.restart(known)
-        elif isinstance(message, HeadingMeasurement):
+        else:
             self._since_s = message.t_s if self._since_s is None else self._since_s
             if message.t_s - self._since_s > self._config.blind_timeout_s:
                 self._cause = f"headings without a stair map for {message.t_s - self._since_s:.1f} s"
