@@ -65,7 +65,7 @@ class Guard:
             config=config,
             frames=self._admission.frames,
             travel=BeltTravel(config.silence_s),
-            report=lambda name, cause: self._latch.report(self._now_s, name, cause),
+            report=lambda name, cause: self._latch.report(self._known.t_s, name, cause),
             passed=TrackCommand.stop(0.0),
             t_s=0.0,
             passed_s=0.0,
@@ -79,7 +79,6 @@ class Guard:
         self._seat_rad = 0.0
         self._command = TrackCommand.stop(0.0)
         self._seat_command = SeatCommand(t_s=-math.inf, rate_m_s=0.0)
-        self._now_s = 0.0
         self._t_s: float | None = None
         self._velocity: VelocityCommand | None = None
         self._map_s = self._begun_s = -math.inf
@@ -107,7 +106,7 @@ class Guard:
     def advance(self, t_s: float) -> None:
         """Set the guard's clock at the start of a tick; the stamps of the tick's messages are compared with it."""
         if math.isfinite(t_s):
-            self._now_s = t_s
+            self._known.t_s = t_s
             self._admission.advance(t_s)
 
     def admit(self, reading: Stamped) -> bool:
@@ -127,7 +126,7 @@ class Guard:
     def on_message(self, message: HeadingMeasurement | StairMap | HeadingHealth | MotionPlan) -> bool:
         """Update with a message that other blocks computed from readings; return whether it is accepted."""
         if isinstance(message, MotionPlan):
-            self._latch.hold(self._now_s, Stop.RAMP, message.hold)  # a hold is valid whatever its stamp
+            self._latch.hold(self._known.t_s, Stop.RAMP, message.hold)  # a hold is valid whatever its stamp
         self._known.is_reading = False
         # A map may arrive as a reading and as a message; each has a series of stamps.
         if not self._accepts(message, "a block"):
@@ -142,7 +141,7 @@ class Guard:
 
     def hold(self, cause: str) -> None:
         """Hold for a fault that readings do not show: a loop that stood still, or a second guard."""
-        self._latch.hold(self._now_s, Stop.BRAKE, cause)
+        self._latch.hold(self._known.t_s, Stop.BRAKE, cause)
 
     def propose(self, command: TrackCommand | SeatCommand | VelocityCommand) -> None:
         """Update with the command of the driver, of the seat's leveller, or of a joystick or another planner."""
@@ -161,16 +160,18 @@ class Guard:
         Levelling continues under HOLD; a faulty seat is stopped, and the flipper of a held chair.
         """
         if not math.isfinite(t_s):
-            t_s = self._now_s
+            t_s = self._known.t_s
             self._latch.hold(t_s, Stop.BRAKE, "mission clock is not finite")
         self.advance(t_s)
         known = self._known
-        known.t_s = t_s
         self._choose_source(t_s)
         self._tick(t_s)
+        known.is_reading = False
         if estimate is not None and self._accepts(estimate, "a block"):
             known.estimate = estimate
             self._hear(estimate)
+        elif estimate is not None:
+            self._refuse(estimate)
         known.passed = self._limited(t_s)
         for monitor in self._watches.values():
             self._latch.hold(t_s, monitor.stop, monitor.cause(known))
@@ -195,12 +196,12 @@ class Guard:
     def _report_rejection(self) -> None:
         rejection = self._admission.stamps.rejection
         if rejection is not None:
-            self._latch.reject(self._now_s, rejection)
+            self._latch.reject(self._known.t_s, rejection)
 
     def _refuse(self, message: Stamped) -> None:
         """Let the monitors know why a message was rejected; a sensor's clock that leapt holds at once."""
         if self._known.is_reading:
-            self._latch.hold(self._now_s, Stop.BRAKE, self._admission.stamps.leap)
+            self._latch.hold(self._known.t_s, Stop.BRAKE, self._admission.stamps.leap)
         for monitor in self._hearers_of(message):
             monitor.reject(message, self._known, self._admission.fault)
 
@@ -232,7 +233,7 @@ class Guard:
         is_dark = self._known.frames.is_dark
         if is_dark != self._is_dark:
             shown = f"colours of mean {quality.brightness:.2f}, contrast {quality.contrast:.3f}"
-            self._latch.report(self._now_s, "vision_dim" if is_dark else "vision_clear", shown)
+            self._latch.report(self._known.t_s, "vision_dim" if is_dark else "vision_clear", shown)
         self._is_dark = is_dark
 
     def _obey(self, operator: OperatorInput) -> bool:
@@ -244,11 +245,11 @@ class Guard:
             self._refuse(operator)
         pressed = new and self._button.press(operator, self._latch.held_s)
         if operator.stop:
-            self._latch.hold(self._now_s, Stop.ZERO, "operator stop")
+            self._latch.hold(self._known.t_s, Stop.ZERO, "operator stop")
         elif not operator.dead_man:
-            self._latch.hold(self._now_s, Stop.ZERO, "the dead-man switch is released")
+            self._latch.hold(self._known.t_s, Stop.ZERO, "the dead-man switch is released")
         elif pressed:
-            self._rearm(self._now_s)
+            self._rearm(self._known.t_s)
         return new
 
     def _rearm(self, t_s: float) -> None:
@@ -268,7 +269,7 @@ class Guard:
 
         The chair stands until a new command arrives; proposals from before the hold are discarded.
         """
-        self._known.t_s = self._known.rearmed_s = t_s
+        self._known.rearmed_s = t_s
         self._stand(t_s)
         self._admission.stamps.restart()
         for monitor in self._watches.values():
@@ -299,9 +300,9 @@ class Guard:
     def _propose_belts(self, command: TrackCommand, source: CommandSource) -> None:
         """Keep a command of the belts if it is of their source, and not of before the source began."""
         if not finite(command.left_m_s, command.right_m_s):
-            self._latch.hold(self._now_s, Stop.BRAKE, "command is not finite")
+            self._latch.hold(self._known.t_s, Stop.BRAKE, "command is not finite")
         elif source == self.source and command.t_s >= self._begun_s:
-            self._known.commanded_s, self._command = min(command.t_s, self._now_s), command
+            self._known.commanded_s, self._command = min(command.t_s, self._known.t_s), command
 
     def _stand(self, t_s: float) -> None:
         """Let the chair stand until a new command arrives."""
@@ -314,7 +315,7 @@ class Guard:
         In phases of constant pitch a seat near horizontal moves slowly, so that it does not excite rocking over uneven steps.
         """
         if not finite(command.rate_m_s):
-            self._latch.hold(self._now_s, Stop.BRAKE, "seat rate is not finite")
+            self._latch.hold(self._known.t_s, Stop.BRAKE, "seat rate is not finite")
             return
         limit = self._config.seat_rate_m_s or 0.0
         plan = self._known.plan
