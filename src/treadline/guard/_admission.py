@@ -19,7 +19,8 @@ class ReadingAdmission:
         self._config = config
         self.stamps = Stamps(config)
         self.frames = FrameMonitor(config)
-        self._travel = BeltTravel(config.silence_s)
+        self.travel = BeltTravel(config.silence_s)
+        """Travel by the accepted readings of the belts."""
         self.fault = ""
         """Fault of the last message's content; empty if it has none."""
 
@@ -43,18 +44,18 @@ class ReadingAdmission:
         """Return whether an accepted reading comes from a sensor that is not frozen, dark or empty."""
         match reading:
             case TrackReading():
-                self._travel.update(reading)
+                self.travel.update(reading)
             case FrameQuality():
                 return self.frames.accept_frame(reading)
             case HeadingMeasurement():
                 heading = (reading.heading_rad, reading.sigma_rad)
-                return self.frames.accept_measurement("heading", reading.t_s, heading, self._travel.travel_m)
+                return self.frames.accept_measurement("heading", reading.t_s, heading, self.travel.travel_m)
             case FreeGround():
                 # Equal ground is no sign of a frozen camera: its range limits what is seen.
-                return self.frames.accept_measurement("ground", reading.t_s, reading.t_s, self._travel.travel_m)
+                return self.frames.accept_measurement("ground", reading.t_s, reading.t_s, self.travel.travel_m)
             case StairMap():
                 # Two maps without any nosing or obstacle are equal although the camera is not frozen.
                 seen = (reading.nosings_B, reading.obstacle_m)
                 value = reading.t_s if seen == ((), None) else seen
-                return self.frames.accept_measurement("map", reading.t_s, value, self._travel.travel_m)
+                return self.frames.accept_measurement("map", reading.t_s, value, self.travel.travel_m)
         return True

@@ -27,13 +27,11 @@ from treadline.core.signals import (
     SeatReading,
     StairMap,
     TrackCommand,
-    TrackReading,
     VelocityCommand,
 )
 from treadline.guard._admission import ReadingAdmission
 from treadline.guard._attitude_limits import SeatMonitor
 from treadline.guard._belt_monitor import BeltMonitor
-from treadline.guard._belt_travel import BeltTravel
 from treadline.guard._bounds import finite
 from treadline.guard._guard_config import ENDS, STEADY, GuardConfig
 from treadline.guard._half_cosine_stop import Stop
@@ -64,7 +62,7 @@ class Guard:
         self._known = Known(
             config=config,
             frames=self._admission.frames,
-            travel=BeltTravel(config.silence_s),
+            travel=self._admission.travel,
             report=lambda name, cause: self._latch.report(self._known.t_s, name, cause),
             passed=TrackCommand.stop(0.0),
             t_s=0.0,
@@ -208,8 +206,6 @@ class Guard:
     def _hear(self, message: Stamped) -> None:
         """Let the monitors hear an accepted message, once if it arrives twice: as a reading, and as a message."""
         match message:
-            case TrackReading():
-                self._known.travel.update(message)
             case SeatReading():
                 self._seat_rad = message.pitch_rad
             case MotionPlan():

@@ -18,8 +18,8 @@ from treadline.core.errors import LinkError
 
 WAKE_S = 0.1
 """Longest wait of the reader for an item [s]; it looks then whether the device was closed."""
-CLOSE_S = 0.3
-"""Longest wait for the end of each thread [s]: three times ``WAKE_S``."""
+CLOSE_S = 3.0 * WAKE_S
+"""Longest wait for the end of each thread [s]: a reader looks up three times."""
 ARRIVED, WAITING = 1024, 32
 """Items that wait for the tick, and items that wait for the device: three of the largest bursts of a tick, a re-arm of two axes."""
 CHUNK = 65536
