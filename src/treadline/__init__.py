@@ -6,8 +6,8 @@
 * ``tl.read_scenario(name, set={"stair.slope_deg": 30})``: ``tl.Scenario`` of a file or a name, with changes.
 * ``tl.check(scenario, set=...)``: mechanical feasibility of a scenario.
 * ``tl.climb(scenario, controller=None, seed=0, set=...)``: one simulated traversal, a ``tl.Run``.
-* ``tl.read_frames(path)``: frames of a depth image, a point cloud, a folder, or a log.
-* ``tl.frame_of_points(points)``: frame of an array of points, or of scans that add up in odometry.
+* ``tl.read_frames(path)``: frames of a depth image, a point cloud, an elevation map, a folder, or a log.
+* ``tl.frame_of_points(points)``: frame of an array of points of one view.
 * ``tl.detect_stair(frame)``: heading and geometry of the stair in one frame, or in a depth image with its camera.
 * ``tl.identify(u, y, dt)``: linear model of arrays, data frames or logs, ``tl.Identified``, with ``tl.IdentificationOptions``.
 * ``tl.load_model(path)``: ``tl.LinearModel`` from a file.

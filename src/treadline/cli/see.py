@@ -1,4 +1,4 @@
-"""``treadline see``: heading and stair geometry in recorded frames, point clouds, logs and live cameras."""
+"""``treadline see``: heading and stair geometry in recorded frames, point clouds, elevation maps, logs and live cameras."""
 
 import os
 import sys
@@ -33,7 +33,7 @@ def see(
     gravity: List = None,
     unit: str | None = None,
     axes: str | None = None,
-    pose: List = None,
+    grid: float | None = None,
     topic: str | None = None,
     method: str = "robust",
     threshold: str | None = None,
@@ -55,26 +55,24 @@ def see(
 
     treadline see cloud.ply --unit mm (or .pcd; the camera is found from the points)
 
-    treadline see scan.pcd --pose 0.1,0,0.8 (a level cloud, z up: place of its sensor)
-
-    treadline see FOLDER (NAME.pcd, poses.csv with name,x,y,z,roll,pitch,yaw: the scans add up in odometry)
+    treadline see map.npy --grid 0.04 (an elevation map: heights of cells of 4 cm, NaN where unknown)
 
     treadline see walk.mcap --headings walk.csv (or .bag, .db3, or a run folder)
 
     treadline see --live realsense --out seen (or orbbec, oak; Ctrl-C ends)
 
     Args:
-        source: Depth image, colour image, point cloud, folder of these, log, or run folder.
+        source: Depth image, colour image, point cloud, folder of these, log, run folder, or elevation map.
         depth: Depth image, 16 bit, if the first file is a colour image.
         live: Camera: realsense, orbbec or oak.
         camera: Camera file (TOML), or a kind: kinect1, kinect2, d435, d455 or tof. Default for a folder: its camera.toml; a cloud,
             a log and a live camera have their own.
         gravity: Unit vector that points down in the camera's frame: x,y,z; for a folder, of the frames that gravity.csv lacks.
-        unit: Unit of depth counts or cloud coordinates: m, cm or mm. Default: the calibration's depth_unit_m; m for clouds.
-        axes: Axes of point clouds: camera (x right, y down, z forward), ros (x forward, y left, z up) or opengl (x right, y up,
-            z backward). Default: ros for a cloud with a pose or with points all around, else camera.
-        pose: Pose of the sensor in clouds of the level frame of a chair: x,y,z in metres and, if known, roll,pitch,yaw in degrees,
-            with x forward, y left, z up and a positive pitch downwards; gravity points down unless --gravity is given.
+        unit: Unit of depth counts, cloud coordinates or heights: m, cm or mm. Default: the calibration's depth_unit_m, else m.
+        axes: Axes of point clouds: camera (x right, y down, z forward; the default), ros (x forward, y left, z up) or opengl (x
+            right, y up, z backward). The camera of an organised cloud is found in any axes.
+        grid: Side of a cell of an elevation map [m], which is a .npy, .npz, .csv or .txt file of heights. Its rows are those of a
+            picture from above, x to the right, y up. It is looked at along +x, -y, -x and +y; each heading is relative to its axis.
         topic: Topic of the depth images or point clouds of a log, if several hold depth.
         method: Method: robust, or paper for Algorithm 1 as printed, whose heading by Eq. (2) is 90° where the chair is square to
             the stair (square_deg in the JSON answer).
@@ -101,13 +99,8 @@ def see(
     if (source is None) == (live is None):
         raise SettingsError("see needs one input: a file, a folder or a log, or --live CAMERA; treadline see --help shows examples")
     if live is not None:
-        given = {
-            "--unit": unit,
-            "--topic": topic,
-            "--pose": pose,
-            "--threshold": threshold,
-            "--method paper": chosen == "paper" or None,
-        }
+        given: dict[str, object] = {"--unit": unit, "--topic": topic, "--grid": grid, "--threshold": threshold}
+        given["--method paper"] = chosen == "paper" or None
         if alone := [name for name, value in given.items() if value is not None]:
             raise SettingsError(
                 f"{alone[0]} is of recorded frames; --live takes --camera, --gravity, --seconds, --headings and --out"
@@ -118,7 +111,7 @@ def see(
     assert source is not None  # noqa: S101 - for the type checker
     colour = chosen == "paper" or out is not None
     frames = read_frames(
-        source, depth, camera=camera, gravity=gravity, unit=unit, axes=cloud_axes, pose=pose, topic=topic, colour=colour
+        source, depth, camera=camera, gravity=gravity, unit=unit, axes=cloud_axes, grid=grid, topic=topic, colour=colour
     )
     return _answer(frames, chosen, rule, headings, out)
 

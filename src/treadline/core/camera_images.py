@@ -183,32 +183,24 @@ def gravity_table(path: Path) -> dict[str, Vector3]:
     """Return the direction of gravity by frame name from a CSV file with the columns name,x,y,z; empty without the file.
 
     Raises:
-        ImageError: If the file is not such a table.
-    """
-    rows = named_rows(path, ("x", "y", "z")) if path.exists() else ()
-    return {name: _direction(where, cells) for where, name, cells in rows}
-
-
-def named_rows(path: Path, columns: Sequence[str]) -> list[tuple[str, str, list[str]]]:
-    """Return the rows of a CSV file with the column name and others: the place of each row, its name and its cells.
-
-    Raises:
         ImageError: If the file is not such a table, or a name occurs twice.
     """
+    if not path.exists():
+        return {}
     try:
         lines = path.read_bytes().decode("utf-8-sig").splitlines()
     except UnicodeDecodeError as error:
         raise ImageError(f"{path}: not UTF-8 (byte {error.start}); save it as UTF-8 text") from None
-    reader, rows = csv.DictReader(lines), dict[str, tuple[str, str, list[str]]]()
+    reader, found = csv.DictReader(lines), dict[str, Vector3]()
     for row in reader:
         where = f"{path}:{reader.line_num}"
-        name, *cells = (row.get(column) for column in ("name", *columns))
+        name, *cells = (row.get(column) for column in ("name", "x", "y", "z"))
         if name is None or None in cells:
-            raise ImageError(f"{where}: needs the columns name,{','.join(columns)}")
-        if name in rows:
+            raise ImageError(f"{where}: needs the columns name,x,y,z")
+        if name in found:
             raise ImageError(f"{where}: '{name}' occurs twice; remove one")
-        rows[name] = where, name, [str(cell) for cell in cells]
-    return list(rows.values())
+        found[name] = _direction(where, [str(cell) for cell in cells])
+    return found
 
 
 def _direction(where: str, parts: ArrayLike) -> Vector3:

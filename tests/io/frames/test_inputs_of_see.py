@@ -10,8 +10,6 @@ import pytest
 from frame_files import points_of_frame, write_calibration, write_pcd
 
 from treadline.cli import main
-from treadline.core.errors import ImageError
-from treadline.io.frames import read_frames
 from treadline.io.mcap_log import RunLog
 
 
@@ -68,17 +66,3 @@ def test_a_run_folder_with_images_is_read_like_a_recording(rendered, tmp_path: P
         # The manifest names the chair, and the chair has the mount of its camera.
         assert first["mount_known"]
         assert first["heading_deg"] == pytest.approx(12.0, abs=0.2)
-
-
-def test_clouds_of_a_folder_with_poses_add_up_to_one_frame(tmp_path: Path) -> None:
-    wall = np.stack(np.meshgrid([3.0], np.linspace(-1, 1, 60), np.linspace(0, 2, 60)), axis=-1).reshape(-1, 3)
-    for name, x_m in (("a.pcd", 0.0), ("b.pcd", 1.0)):
-        write_pcd(tmp_path / name, wall - [x_m, 0.0, 0.5], (len(wall), 1))
-    (tmp_path / "poses.csv").write_text("name,x,y,z,roll,pitch,yaw\na.pcd,0,0,0.5,0,0,0\nb.pcd,1,0,0.5,0,0,0\n")
-    (named,) = read_frames(tmp_path)
-    assert named.name == tmp_path.name
-    np.testing.assert_allclose(np.nanmedian(named.frame.depth_m), 2.0, atol=0.01)
-    np.testing.assert_allclose(named.gravity_C, named.frame.camera.R_BC.T @ [0.0, 0.0, -1.0], atol=1e-9)
-    (tmp_path / "poses.csv").write_text("name,x,y,z,roll,pitch,yaw\na.pcd,0,0,0.5,0,0,0\n")
-    with pytest.raises(ImageError, match=r"no pose of b\.pcd; give one row a cloud"):
-        read_frames(tmp_path)

@@ -1,20 +1,19 @@
 """Point clouds as depth images: the heading stays that of the depth image; other units, axes and frames are named."""
 
 from dataclasses import replace
+from itertools import permutations, product
 from typing import Any
 
 import numpy as np
 import pytest
 from frame_files import points_of_frame
-from lidars import LIDARS, draw_lidar
-from surfaces import on_a_flight
 
 from treadline.core.angles import DEG
-from treadline.core.camera_images import CAMERA_AXES_IN_CHAIR, RgbdFrame
+from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import ImageError
 from treadline.core.rotations import rotation_x, rotation_z
 from treadline.io.frames import frame_of_points
-from treadline.io.frames.point_cloud import AXES, FrameOptions, PointCloud, SensorPose, cloud_image
+from treadline.io.frames.point_cloud import AXES, FrameOptions, PointCloud, cloud_image
 from treadline.perception import StairDetector
 from treadline.scenario.camera_file import CameraFile
 
@@ -103,75 +102,94 @@ def test_with_a_calibration_each_point_finds_its_pixel_and_the_nearest_counts(re
 )
 def test_another_unit_and_other_axes_are_named_with_their_remedy(rendered, option: str, given: str, turn: np.ndarray) -> None:
     frame = rendered()
-    cloud, size_px = points_of_frame(frame) @ turn, (320, 240)
+    cloud = seen_points(frame) @ turn
     with pytest.raises(ImageError, match=f"--{option} {given}"):
-        image_of(cloud, size_px=size_px)
-    np.testing.assert_allclose(image_of(cloud, size_px=size_px, **{option: given})[0].frame.depth_m, frame.depth_m, rtol=1e-5)
+        image_of(cloud)
+    np.testing.assert_allclose(image_of(cloud, **{option: given})[0].frame.depth_m, frame.depth_m, rtol=1e-5)
     with pytest.raises(ImageError, match="--unit m"):
         image_of(points_of_frame(frame), unit="mm")
+
+
+def random_view(seed: int) -> tuple[RgbdFrame, np.ndarray]:
+    """Return a depth image of two surfaces with holes, of random intrinsics, and a random rotation."""
+    rng = np.random.default_rng(seed)
+    width, height = int(rng.integers(60, 200)), int(rng.integers(60, 200))
+    fx = float(rng.uniform(0.6, 2.0) * width)
+    lens = {"fx_px": fx, "fy_px": fx * rng.uniform(0.85, 1.15), "cx_px": rng.uniform(0.3, 0.7) * width}
+    camera = PinholeCamera(width_px=width, height_px=height, cy_px=rng.uniform(0.3, 0.7) * height, **lens)
+    v, u = np.indices((height, width))
+    depth = np.where(u > 0.4 * width, 1.0 + 0.3 * u / width, 1.9 - 0.5 * v / height)
+    depth[rng.random(depth.shape) < 0.2] = np.nan
+    R, _ = np.linalg.qr(rng.standard_normal((3, 3)))
+    frame = RgbdFrame(t_s=0.0, rgb=np.zeros((height, width, 3), np.uint8), depth_m=depth.astype(np.float32), camera=camera)
+    return frame, R * np.linalg.det(R)
+
+
+def organised_image(frame: RgbdFrame, points: np.ndarray, **options: Any) -> Any:
+    return frame_of_points(points.reshape(*frame.depth_m.shape, 3), **options)
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("far_m", [0.0, 1.0, 1e5])
+def test_an_organised_cloud_in_any_axes_is_its_depth_image(seed: int, far_m: float) -> None:
+    frame, R_FC = random_view(seed)
+    shift = far_m * np.random.default_rng(seed).standard_normal(3)
+    named = organised_image(frame, points_of_frame(frame) @ R_FC.T + shift, gravity=R_FC @ [0.0, 1.0, 0.0])
+    np.testing.assert_allclose(named.frame.depth_m, frame.depth_m, rtol=1e-6)
+    np.testing.assert_allclose(named.frame.camera.pinhole, frame.camera.pinhole, atol=1e-3)
+    np.testing.assert_allclose(named.gravity_C, [0.0, 1.0, 0.0], atol=1e-6)
+
+
+@pytest.mark.parametrize("order", list(permutations(range(3))))
+@pytest.mark.parametrize("signs", list(product((1.0, -1.0), repeat=3)))
+def test_permuted_axes_are_read_and_mirrored_ones_refused(order: tuple[int, ...], signs: tuple[float, ...]) -> None:
+    frame, _ = random_view(1)
+    turn = np.eye(3)[list(order)] * np.array(signs)
+    if np.linalg.det(turn) < 0.0:
+        with pytest.raises(ImageError, match="mirrored"):
+            organised_image(frame, points_of_frame(frame) @ turn)
+    else:
+        named = organised_image(frame, points_of_frame(frame) @ turn)
+        np.testing.assert_allclose(named.frame.depth_m, frame.depth_m, rtol=1e-6)
+
+
+def test_points_that_left_their_pixels_are_left_out(rendered) -> None:
+    frame, R_FC = rendered(), random_view(1)[1]
+    points = points_of_frame(frame)
+    moved = np.random.default_rng(1).random(len(points)) < 0.1
+    points[moved] += [0.0, 0.1, 0.0]
+    image, warning = image_of(points @ R_FC.T, size_px=(320, 240))
+    assert "the camera was found in the cloud" in str(warning)
+    kept = np.isfinite(frame.depth_m) & ~moved.reshape(240, 320)
+    np.testing.assert_allclose(image.frame.depth_m[kept], frame.depth_m[kept], rtol=1e-5)
+    assert np.isnan(image.frame.depth_m[~kept]).all()
+
+
+def test_a_turned_cloud_has_the_heading_of_its_depth_image(rendered) -> None:
+    frame, R_FC = rendered(1, -20.0), random_view(3)[1]
+    image, _ = image_of(points_of_frame(frame) @ R_FC.T, size_px=(320, 240))
+    assert heading_deg(image.frame) == pytest.approx(heading_deg(bare(frame)), abs=SAME_DEG)
 
 
 def test_clouds_that_are_no_pinhole_image_or_none_at_all_are_named(rendered) -> None:
     frame = rendered()
     points = points_of_frame(frame)
-    _, warning = image_of(points @ rotation_x(10.0 * DEG).T, size_px=(320, 240))
-    assert "not a pinhole image" in str(warning)
+    shuffled = np.random.default_rng(1).permutation(points)
+    for other in (shuffled, points * [1.0, 2.0, 1.0], np.hypot(points, 0.5)):
+        with pytest.raises(ImageError, match=r"not a pinhole image: residual [0-9.e+-]+ px, at most 0.5, fx / fy = "):
+            image_of(other, size_px=(320, 240))
+    wall = points_of_frame(replace(frame, depth_m=np.full_like(frame.depth_m, 1.5)))
+    line = np.linspace(0.5, 3.0, len(points))[:, None] * [1.0, 0.5, 0.2]
+    for flat in (wall @ random_view(1)[1].T + 1e4, line):
+        with pytest.raises(ImageError, match="lie on a plane or on a line"):
+            organised_image(frame, flat)
+    around = np.concatenate([points, -points])
+    with pytest.raises(ImageError, match=r"50% of the points lie in front of the camera.*clouds are of one view"):
+        image_of(around)
     with pytest.raises(ImageError, match="320×240 points, the calibration is for 640×240"):
         image_of(points, replace(frame.camera, width_px=640), size_px=(320, 240))
+    with pytest.raises(ImageError, match="subtract the place of the sensor from coordinates of a map"):
+        image_of(np.add(seen_points(frame), [0.0, 0.0, 5e5]))
     for few in (points[:0], points[:100], np.full_like(points, np.nan), np.zeros_like(points)):
         with pytest.raises(ImageError, match="points with a return; at least 1000"):
             image_of(few)
-
-
-@pytest.mark.parametrize("heading", [-20.0, 12.0])
-def test_a_level_cloud_gives_the_heading_of_its_depth_image_also_in_map_coordinates(heading: float) -> None:
-    frame, down = on_a_flight(1, heading)
-    ahead = np.array([0.0, 0.0, 1.0]) - down[2] * down
-    ahead /= np.linalg.norm(ahead)
-    M = np.stack([ahead, np.cross(-down, ahead), -down]) @ CAMERA_AXES_IN_CHAIR.T
-    roll, pitch, yaw = np.arctan2(M[2, 1], M[2, 2]), -np.arcsin(M[2, 0]), np.arctan2(M[1, 0], M[0, 0])
-    level = replace(frame, camera=replace(frame.camera, mount_roll_rad=roll, mount_pitch_rad=pitch, mount_yaw_rad=yaw))
-    expected = StairDetector().look(level, down).heading_rad
-    at_m, angles_deg = np.array([0.3, -0.1, 0.8]), np.array([roll, pitch, yaw]) / DEG
-    cloud = seen_points(frame) @ level.camera.R_BC.T + at_m
-    here = frame_of_points(cloud.astype(np.float32), pose=[*at_m, *angles_deg])
-    # A sensor's angles keep its pixels.
-    for named, within in ((here, 0.02), (frame_of_points(cloud.astype(np.float32), pose=at_m), 0.1)):
-        assert named.mount_known
-        assert StairDetector().look(named.frame, named.gravity_C).heading_rad / DEG == pytest.approx(expected / DEG, abs=within)
-    map_m = np.array([5.1e5, 5.4e6, 120.0])
-    with pytest.raises(ImageError, match="probably those of a map; give the place of the sensor in it: --pose x,y,z"):
-        frame_of_points(cloud + map_m, axes="ros")
-    placed = frame_of_points(cloud + map_m, pose=[*(at_m + map_m), *angles_deg])
-    np.testing.assert_allclose(placed.frame.depth_m, here.frame.depth_m, atol=1e-4)
-
-
-def test_points_all_around_are_cropped_to_the_sector_ahead(rendered) -> None:
-    ahead = seen_points(rendered(1, 12.0)) @ AXES["ros"][1]
-    around = np.concatenate([ahead @ rotation_z(angle).T for angle in (0.0, 2.0, -2.0, np.pi)])
-    image, warning = image_of(around)
-    assert "of the points lie in its sector (x forward, y left, z up)" in str(warning)
-    only, _ = image_of(ahead, axes="ros")
-    assert heading_deg(image.frame) == pytest.approx(heading_deg(only.frame), abs=0.3)
-
-
-def test_scans_of_a_lidar_give_a_heading_before_the_flight() -> None:
-    view = draw_lidar(100, LIDARS["VLP-16, 20 scans"])
-    named = frame_of_points(view.clouds, poses=view.poses, axes="ros", gravity=[0.0, 1.0, 0.0])
-    sight = StairDetector().look(named.frame, named.gravity_C)
-    assert sight.accepted, sight.reason
-    assert abs(sight.heading_rad - view.heading_rad) < 2.576 * sight.sigma_rad
-    assert sight.shape.rise_m == pytest.approx(view.rise_m, rel=0.1)
-
-
-def test_scans_add_up_in_the_frame_of_the_last() -> None:
-    wall = np.stack(np.meshgrid([3.0], np.linspace(-1, 1, 60), np.linspace(0, 2, 60)), axis=-1).reshape(-1, 3)
-    poses = [[0.0, 0.0, 0.5, 0.0, 0.0, 0.0], [0.5, 0.2, 0.5, 0.0, 10.0, 25.0]]
-    scans = [(wall - pose[:3]) @ SensorPose.of("pose", pose).R for pose in poses]
-    named, one = frame_of_points(scans, poses=poses), frame_of_points(scans[1], axes="ros")
-    assert np.nanmedian(named.frame.depth_m) == pytest.approx(np.nanmedian(one.frame.depth_m), abs=0.01)
-    down = np.array([0.0, np.cos(10.0 * DEG), np.sin(10.0 * DEG)])
-    R_FC = CAMERA_AXES_IN_CHAIR.T @ named.frame.camera.R_BC
-    np.testing.assert_allclose(R_FC @ named.gravity_C, down, atol=1e-9)
-    with pytest.raises(ImageError, match="1 poses of 2 clouds; give one pose a cloud"):
-        frame_of_points(scans, poses=poses[:1])

@@ -50,7 +50,6 @@ class FramesOfLog:
         self._options, self._given = options, options.camera
         self._mount = options.mount if options.camera is None else options.camera.camera
         self._mount_known = options.mount is not None if options.camera is None else options.camera.mount_known
-        self._mount_known |= options.pose is not None
         self._gravity_C = options.gravity_C
         found = survey(self._log, sealed=self._sealed)
         self.topic = _chosen(path, found, options.topic)
@@ -139,7 +138,7 @@ class FramesOfLog:
     def _named(self, number: int, paired: Paired) -> NamedFrame:
         frame, has_colour = paired
         self._unpaired += self._wants_colour and not has_colour
-        if self._mount is not None and self._options.pose is None:
+        if self._mount is not None:
             frame = replace(frame, camera=with_mount(frame.camera, self._mount))
         return NamedFrame(
             name=f"{number:06d}",

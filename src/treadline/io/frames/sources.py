@@ -14,23 +14,19 @@ from treadline.core.camera_images import (
     SeveralFrames,
     gravity_of,
     gravity_table,
-    named_rows,
 )
 from treadline.core.errors import ImageError, SettingsError
 from treadline.core.models import BAG_SUFFIXES
 from treadline.io.frames._cloud_files import ENDINGS, read_cloud
+from treadline.io.frames._elevation_map import map_views
 from treadline.io.frames._image_files import is_photo, nominal_camera, read_frame
-from treadline.io.frames.point_cloud import AXES, UNITS, Axes, FrameOptions, SensorPose, cloud_image, fused
+from treadline.io.frames.point_cloud import AXES, UNITS, Axes, FrameOptions, cloud_image
 from treadline.scenario.camera_file import CameraFile, calibration_in, read_camera
 
 COLOUR_ENDINGS = ("_rgb.png", "_color_registered.png")
 """File name endings of colour images."""
 DEPTH_ENDING = "_depth.png"
 """File name ending of depth images."""
-POSES = "poses.csv"
-"""Name of the table of a folder whose clouds add up."""
-POSE_COLUMNS = ("x", "y", "z", "roll", "pitch", "yaw")
-"""Columns of that table after the name of the cloud: position [m] and angles [deg]."""
 
 
 def read_frames(
@@ -41,27 +37,27 @@ def read_frames(
     gravity: str | ArrayLike | None = None,
     unit: str | None = None,
     axes: Axes | None = None,
-    pose: str | ArrayLike | None = None,
+    grid: float | None = None,
     topic: str | None = None,
     colour: bool = True,
 ) -> FrameSource:
-    """Return the frames of a depth image, a colour and a depth image, a point cloud, a folder of these, or a log.
+    """Return the frames of a depth image, a colour and a depth image, a point cloud, a folder of these, a log or a map.
 
     Each frame has ``.name``, ``.frame`` (``.depth_m``, ``.rgb``, ``.camera``) and ``.gravity_C``, and ``tl.detect_stair`` takes it.
     Frames are read one by one.
 
     Args:
-        path: Depth image (16-bit PNG), colour image, .ply or .pcd file, folder, or .mcap, .bag or .db3 file.
+        path: Depth image (16-bit PNG), colour image, .ply or .pcd file, folder, or .mcap, .bag or .db3 file; with ``grid``, an
+            elevation map: heights in a .npy, .npz, .csv or .txt file.
         depth: Depth image, if ``path`` is a colour image.
         camera: Calibration, its file (TOML), or the name of a shipped camera.
         gravity: Vector that points down in the camera frame (x right, y down, z forward): three numbers, or text x,y,z. For clouds
-            it is in their frame, with these axes.
-        unit: Unit of depth counts or cloud coordinates: m, cm or mm.
-        axes: Axes of clouds: camera (x right, y down, z forward), ros (x forward, z up) or opengl (y up, z backward). Default: ros
-            with a pose or with points all around, else camera.
-        pose: Pose of the sensor in clouds of the level frame of a chair: x, y, z [m] and, if known, roll, pitch and yaw [deg], with
-            x forward, y left and z up. A folder with a poses.csv (name,x,y,z,roll,pitch,yaw of each cloud in level odometry) is
-            one frame: its clouds add up.
+            it is in their frame, after ``axes``.
+        unit: Unit of depth counts, cloud coordinates or heights: m, cm or mm.
+        axes: Axes of clouds: camera (x right, y down, z forward; the default), ros (x forward, z up) or opengl (y up, z backward).
+            The camera of an organised cloud is found in any axes.
+        grid: Side of a cell of an elevation map [m]. Rows of the map are those of a picture from above, x to the right and y up;
+            its frames NAME+x, NAME+y, NAME-x and NAME-y look along these axes, and their headings are relative to them.
         topic: Topic of the depth of a log, if it has several.
         colour: Whether the colour images of a log are wanted; depth alone is read faster.
 
@@ -79,22 +75,18 @@ def read_frames(
     """
     if axes is not None and axes not in AXES:
         raise SettingsError(f"axes are '{axes}'; allowed: {', '.join(AXES)}")
-    calibration = None if camera is None else calibration_in(camera)
-    options = FrameOptions(
-        camera=calibration,
-        gravity_C=gravity_of(gravity),
-        unit=unit,
-        axes=axes,
-        pose=None if pose is None else SensorPose.of("--pose", pose),
-        topic=topic,
-        colour=colour,
-    )
+    used, down = None if camera is None else calibration_in(camera), gravity_of(gravity)
+    options = FrameOptions(camera=used, gravity_C=down, unit=unit, axes=axes, grid_m=grid, topic=topic, colour=colour)
     return _opened(Path(path), None if depth is None else Path(depth), options)
 
 
 def _opened(path: Path, depth: Path | None, options: FrameOptions) -> FrameSource:
     if options.unit is not None and options.unit not in UNITS:
         raise SettingsError(f"--unit is '{options.unit}'; allowed: {', '.join(UNITS)}")
+    if options.grid_m is not None:
+        if any(item is not None for item in (depth, options.camera, options.gravity_C, options.axes, options.topic)):
+            raise SettingsError("an elevation map is seen by cameras of its own: --grid goes with --unit alone")
+        return SeveralFrames(map_views(path, options.grid_m, UNITS[options.unit or "m"]))
     if depth is not None:
         if options.camera is None:
             raise SettingsError("no intrinsics: see needs the camera's calibration: --camera camera.toml")
@@ -133,8 +125,6 @@ def _folder(path: Path, options: FrameOptions) -> FrameSource:
     """
     clouds = sorted(file for file in path.iterdir() if file.suffix.lower() in ENDINGS)
     depths = sorted(path.glob("*" + DEPTH_ENDING))
-    if clouds and not depths and (path / POSES).is_file():
-        return _added_up(path, clouds, options)
     if clouds and not depths:
         unseen = NamedFrame(name="", frame=None, mount_known=False, gravity_C=None)
         return _FolderOfFrames(clouds, partial(_cloud, options=options), lambda file: replace(unseen, name=file.name))
@@ -188,21 +178,6 @@ def _image(rgb: Path | None, depth: Path, calibration: CameraFile, options: Fram
         mount_known=calibration.mount_known,
         has_colour=rgb is not None,
     )
-
-
-def _added_up(path: Path, files: list[Path], options: FrameOptions) -> FrameSource:
-    """Return the frame of all clouds of a folder, which add up in the odometry of its poses.csv.
-
-    Raises:
-        ImageError: If a cloud cannot be read, or has no pose.
-    """
-    poses = {name: SensorPose.of(where, cells) for where, name, cells in named_rows(path / POSES, POSE_COLUMNS)}
-    if missing := [file.name for file in files if file.name not in poses]:
-        raise ImageError(f"{path / POSES}: no pose of {missing[0]}; give one row a cloud")
-    clouds, used = [read_cloud(file) for file in files], [poses[file.name] for file in files]
-    cloud, down = fused(path, clouds, used, options.axes or "ros", options.unit or "m", options.gravity_C)
-    named, warning = cloud_image(path, cloud, replace(options, axes="camera", unit="m", gravity_C=down))
-    return SeveralFrames([replace(named, name=path.name)], [] if warning is None else [warning])
 
 
 def _cloud(path: Path, options: FrameOptions) -> tuple[NamedFrame, str | None]:
