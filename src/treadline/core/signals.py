@@ -202,6 +202,9 @@ class StairMap:
     side before it enters the flight."""
     right_seen_m: float | None = None
     """The same on the right [m]."""
+    turn_rad: float | None = None
+    """Turn of the step that follows the last of ``nosings_B`` relative to the flight, positive to the left [rad]; None unless one
+    is in view. Without ``ends`` no landing lies before it: the steps that follow are winders."""
 
     def __post_init__(self) -> None:
         if type(self.nosings_B) is not tuple:

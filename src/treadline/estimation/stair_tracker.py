@@ -69,6 +69,9 @@ class _Nosing:
     missed: int = 0
     """Number of maps that showed nearer and further nosings, but not this one."""
     end_count: int = 0
+    turn_count: int = 0
+    turn_rad: float = 0.0
+    """Turn of the step that follows this nosing, as the last of ``turn_count`` maps showed it [rad]."""
 
     @property
     def known(self) -> bool:
@@ -283,6 +286,11 @@ class StairTracker:
         """Return the gaps with missing steps: distances of the nosings below and above ahead of mid-track along the belts [m]."""
         return [(self._ahead_m(low), self._ahead_m(high)) for low, high in self._gaps]
 
+    def turn_ahead(self) -> tuple[float, float] | None:
+        """Return the distance of the last nosing before a turn ahead of mid-track [m], and the turn to the left [rad], or None."""
+        turned = [nosing for nosing in self._known if nosing.turn_count >= KNOWN_AFTER]
+        return (self._ahead_m(turned[0]), turned[0].turn_rad) if turned else None
+
     def _ahead_m(self, nosing: _Nosing) -> float:
         along = math.cos(self.pitch_rad) / math.cos(self.heading_rad)
         return (nosing.x_m - self.x_m) * along + (nosing.z_m - self._z_m) * math.sin(self.pitch_rad)
@@ -480,13 +488,15 @@ class StairTracker:
             self._drop(nosing)
 
     def _note_end(self, last: _Nosing, seen: StairMap) -> None:
-        """Count the maps that show the flight's end at a nosing; a known nosing beyond resets the count."""
+        """Count the maps that show the flight's end, or its turn, at a nosing; a known nosing beyond resets the count."""
         if seen.ends:
             last.end_count += 1
+        if seen.turn_rad is not None:
+            last.turn_count, last.turn_rad = last.turn_count + 1, seen.turn_rad
         if not last.known:
             return
         upward = seen.direction == "up"
         for nosing in self._nosings:
             before = nosing.x_m < last.x_m if upward else nosing.x_m > last.x_m
             if nosing is not last and before:
-                nosing.end_count = 0
+                nosing.end_count = nosing.turn_count = 0

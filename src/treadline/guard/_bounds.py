@@ -94,7 +94,8 @@ def _map_fault(stair: StairMap, _: GuardConfig) -> str:
     sides = (stair.left_wall_m, stair.right_wall_m, stair.left_edge_m, stair.right_edge_m, stair.left_seen_m, stair.right_seen_m)
     places = [value for place in stair.nosings_B for value in place]
     distances_m = [stair.rise_m, stair.run_m, *places, *(value for value in (stair.obstacle_m, *sides) if value is not None)]
-    return _number_fault(stair.slope_rad) or _size_fault("holds a distance that no camera measures", SEEN_M, *distances_m)
+    turn = _angle_fault("turn", stair.turn_rad or 0.0)
+    return turn or _number_fault(stair.slope_rad) or _size_fault("holds a distance that no camera measures", SEEN_M, *distances_m)
 
 
 def _ground_fault(ground: FreeGround, _: GuardConfig) -> str:

@@ -96,7 +96,16 @@ def _by_name(*names: str) -> dict[str, str]:
     return dict(zip(names, names, strict=True))
 
 
-MAYBE_OF_MAP = ("left_wall_m", "right_wall_m", "obstacle_m", "left_edge_m", "right_edge_m", "left_seen_m", "right_seen_m")
+MAYBE_OF_MAP = (
+    "left_wall_m",
+    "right_wall_m",
+    "obstacle_m",
+    "left_edge_m",
+    "right_edge_m",
+    "left_seen_m",
+    "right_seen_m",
+    "turn_rad",
+)
 """Numbers of a stair map that a frame may not show."""
 BELTS = {"left": "left_m_s", "right": "right_m_s"}
 JOINTED: dict[type, _Jointed] = {

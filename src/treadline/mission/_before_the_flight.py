@@ -120,8 +120,8 @@ def is_sent_back(now: Situation) -> str | None:
 
 
 def is_barred_by_a_gap(now: Situation) -> str | None:
-    """A step is missing before the leading pulley."""
-    return now.missing(KEEPS_M)
+    """A step is missing before the leading pulley, or the stair turns on winders."""
+    return now.missing(KEEPS_M) or now.turns(KEEPS_M)
 
 
 def is_too_narrow(now: Situation) -> str | None:
@@ -150,8 +150,8 @@ def has_an_open_side(now: Situation) -> str | None:
 
 
 def must_not_enter(now: Situation) -> str | None:
-    """The measured steps exceed a limit of the chair."""
-    return now.refusal
+    """The measured steps exceed a limit of the chair, or the stair turns on winders."""
+    return now.refusal or now.turns(math.inf)
 
 
 def reaches_the_first_step(now: Situation) -> str | None:

@@ -208,6 +208,15 @@ class Situation:
         (near_m, far_m), leading = gap, "front" if self.is_up else "rear"
         return f"a step is missing: {far_m - near_m:.2f} m from nosing to nosing, the first {beside(near_m)} the {leading} pulley"
 
+    def turns(self, within_m: float) -> str | None:
+        """Return the winders within ``within_m`` of the front pulley, as a reason to stop; None if a landing lies before a turn."""
+        turn = self.stair.turn_ahead() if self.is_up and not self.stair.top_ends else None
+        if turn is None or turn[0] - self.pivot_m > within_m:
+            return None
+        side = "left" if turn[1] > 0.0 else "right"
+        where = f"{beside(turn[0] - self.pivot_m)} the front pulley"
+        return f"the stair turns by {abs(turn[1]) / DEG:.0f}° to the {side} {where}, without a landing: take another way"
+
 
 def beside(before_m: float) -> str:
     """Return a distance in words: before a pulley if positive, behind the pulley if negative."""

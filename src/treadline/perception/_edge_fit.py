@@ -12,7 +12,7 @@ marginalised over a grid, as is whether the flight winds.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -100,6 +100,10 @@ class EdgeFit:
     """Standard deviation of the turn per step if the flight winds [rad]."""
     warp_px: float
     """Root of the mean square of the depth warp's size [px of Kinect disparity]."""
+    rotation_rad: float
+    """Root of the mean square of the rotation of single steps about the vertical, built or by noise [rad]."""
+    agrees: tuple[bool, ...]
+    """Whether each nosing has a direction that is consistent with the estimate."""
 
     def sigma_of(self, change: Vector3) -> float:
         """Return the standard deviation of a quantity with the differential ``change · de``."""
@@ -161,6 +165,7 @@ def fit_edges(
         spread_px: Standard deviation of the shift of surfaces' ends that all lines have in common [px].
         measures_range: Whether the camera is one of time of flight, which exposes all rows at once and sees detours of light.
     """
+    has_direction = [nosing.has_direction for nosing in nosings]
     nosings = [nosing for nosing in nosings if nosing.has_direction]
     edge = start / np.linalg.norm(start)
     normals = _normals(nosings, treads, down, edge, camera, spread_px, measures_range=measures_range)
@@ -177,7 +182,9 @@ def fit_edges(
     chosen[normals.group < 0] = _agreeing_treads(rows)
     rows = _rows(normals.only(chosen), down_sigma_rad, axes, steps)
     rows = _rows(rows.normals.only(_of_the_stair(rows)), down_sigma_rad, axes, steps)
-    return _fitted(rows, axes, angles, kept)
+    agrees = np.zeros(len(has_direction), dtype=np.bool_)
+    agrees[has_direction] = kept
+    return replace(_fitted(rows, axes, angles, kept), agrees=tuple(agrees.tolist()))
 
 
 def _fitted(rows: _Rows, axes: Axes, angles: Float[np.ndarray, " n"], kept: Bool[np.ndarray, " n"]) -> EdgeFit:
@@ -211,6 +218,8 @@ def _fitted(rows: _Rows, axes: Axes, angles: Float[np.ndarray, " n"], kept: Bool
         turn_per_step_rad=float(turn[0]),
         turn_sigma_rad=float(np.sqrt(turn_variance[0, 0])),
         warp_px=float(np.sqrt(weights.sum(axis=1) @ squares[:, 2])),
+        rotation_rad=float(np.sqrt(weights.sum(axis=1) @ squares[:, 0])),
+        agrees=tuple(kept.tolist()),
     )
 
 

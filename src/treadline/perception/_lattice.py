@@ -169,20 +169,19 @@ def risers_at(scene: Scene, azimuth: float) -> Iterator[Riser]:
     camera, blocks, axes = scene.frame.camera, scene.blocks, turned_axes(scene.level, azimuth)
     members = scene.upright[np.abs(scene.azimuth - azimuth) < RISER_SPREAD + scene.slack]
     for surface in surfaces_along(blocks, members, axes.ahead, camera, gap_m=RISER_GAP_M, least=LEAST_BLOCKS):
-        low = surface if _are_low(surface.blocks, blocks, axes) else _low_part(surface, blocks, camera, axes)
+        low = max(low_parts(surface, blocks, camera, axes), key=lambda part: part.blocks.size, default=None)
         if low is not None and _turned_from(low, axes.ahead) < RISER_SPREAD:
             yield riser_of(low, camera)
 
 
-def _low_part(surface: Surface, blocks: PlanarBlocks, camera: PinholeCamera, axes: Axes) -> Surface | None:
-    """Return the widest part of a surface that is no higher than a step; None if there is hardly any."""
+def low_parts(surface: Surface, blocks: PlanarBlocks, camera: PinholeCamera, axes: Axes) -> list[Surface]:
+    """Return the parts of a vertical surface that are no higher than a step, separated by columns that are."""
+    if _are_low(surface.blocks, blocks, axes):
+        return [surface]
     tall = surface.heights_m(camera, axes.up) >= TALLEST_M
-    if tall.all():
-        return None
-    # Gaps between adjacent tall columns.
     runs = np.cumsum(tall)
-    part = surface.within(~tall & (runs == np.argmax(np.bincount(runs[~tall]))), blocks)
-    return part if part.blocks.size >= LEAST_BLOCKS and _are_low(part.blocks, blocks, axes) else None
+    parts = [surface.within(~tall & (runs == run), blocks) for run in np.unique(runs[~tall])]
+    return [part for part in parts if part.blocks.size >= LEAST_BLOCKS and _are_low(part.blocks, blocks, axes)]
 
 
 def _matched(scene: Scene, risers: list[Riser], axes: Axes, direction: Direction) -> Flight | None:

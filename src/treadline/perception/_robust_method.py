@@ -24,7 +24,7 @@ from treadline.perception._acceptance import Finding, lacking_evidence, refusal_
 from treadline.perception._edge_fit import EdgeFit, fit_edges
 from treadline.perception._form import bow_of, lateral_ends_of, sides_of, turn_by
 from treadline.perception._gravity_direction import GRAVITY_SIGMA, down_of_treads, levelled, off_gravity
-from treadline.perception._lattice import EVIDENCE, LEAST_BLOCKS, UNCONFIRMED, UPRIGHT, flight_in, scene_of
+from treadline.perception._lattice import EVIDENCE, LEAST_BLOCKS, UNCONFIRMED, UPRIGHT, Scene, flight_in, scene_of
 from treadline.perception._plane_segmentation import PlanarBlocks, Surface, reduced, surface_blocks, uncertain_blocks
 from treadline.perception._single_step import shape_of_single, single_step_in
 from treadline.perception._stair_map import map_of
@@ -32,6 +32,7 @@ from treadline.perception._stair_shape import axes_of, shape_of, stair_axes_of
 from treadline.perception._step_parts import Axes, Flight, viewing_direction
 from treadline.perception.detection import Parts, StairDetection, refused
 from treadline.perception.free_ground import SWEPT_HALF_M
+from treadline.perception.steps import Step, steps_of, steps_without_flight, turn_of
 
 HALF = 0.5
 """Valid depth fraction below which a refusal names missing depth as the cause, instead of missing planes."""
@@ -172,6 +173,12 @@ class _Search:
         self.watch.lap("treads")
         if scene is None:
             return refused("the camera looks straight up or down")
+        sight = self._in_scene(down, scene)
+        return sight if sight.find_steps else replace(sight, find_steps=cache(lambda: steps_without_flight(scene)))
+
+    def _in_scene(self, down: _Down, scene: Scene) -> StairDetection:
+        """Return the result of a scene's flight."""
+        blocks = scene.blocks
         flight = flight_in(scene)
         self.watch.lap("flight")
         if self.swept_half_m is not None and (isinstance(flight, str) or flight.evidence < UNCONFIRMED):
@@ -191,13 +198,13 @@ class _Search:
             measures_range=blocks.measures_range,
         )
         self.watch.lap("direction")
-        sight = self._detection(down, blocks, flight, fit)
+        sight = self._detection(down, scene, flight, fit)
         self.watch.lap("geometry")
         return sight
 
-    def _detection(self, down: _Down, blocks: PlanarBlocks, flight: Flight, fit: EdgeFit) -> StairDetection:
+    def _detection(self, down: _Down, scene: Scene, flight: Flight, fit: EdgeFit) -> StairDetection:
         """Return the heading on a flight with its interval, or the cause of its refusal."""
-        camera = self.frame.camera
+        camera, blocks = self.frame.camera, scene.blocks
         R_BC = camera.R_BC
         in_view = Axes(ahead=fit.ahead, up=-fit.down, right=fit.edge)
         fronts = [(tread.surface, tread.nosing_end(in_view, flight.direction)) for _, on, tread in flight.matched_treads if on]
@@ -229,12 +236,21 @@ class _Search:
             return refused(cause, edge_count=len(flight.nosings), evidence=flight.evidence)
 
         @cache
+        def find_steps() -> tuple[Step, ...]:
+            self.watch.resume()
+            steps = steps_of(scene, flight, fit)
+            self.watch.lap("steps")
+            return steps
+
+        @cache
         def draw_map() -> StairMap:
             self.watch.resume()
             swept_half_m = SWEPT_HALF_M if self.swept_half_m is None else self.swept_half_m
-            stair_map = map_of(
-                self.frame, blocks, flight.nosings, level.axes, shape, sides, swept_half_m, is_single=flight.is_single
-            )
+            turn = turn_of(find_steps())
+            nosings = flight.nosings if turn is None else flight.nosings[: turn.after]
+            stair_map = map_of(self.frame, blocks, nosings, level.axes, shape, sides, swept_half_m, is_single=flight.is_single)
+            if turn is not None:
+                stair_map = replace(stair_map, ends=turn.on_landing, turn_rad=turn.turn_rad)
             self.watch.lap("map")
             return stair_map
 
@@ -259,6 +275,7 @@ class _Search:
                 blocks=blocks,
             ),
             draw_map=draw_map,
+            find_steps=find_steps,
         )
 
 

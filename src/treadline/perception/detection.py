@@ -14,6 +14,7 @@ from treadline.core.signals import StairMap
 from treadline.perception._plane_segmentation import PlanarBlocks, Surface
 from treadline.perception._stair_shape import StairShape
 from treadline.perception._step_parts import NosingObservation
+from treadline.perception.steps import Step, Turn, turn_of
 
 Stages = tuple[UInt8[np.ndarray, "h w 3"], ...]
 """Six stages of Fig. 5 as images."""
@@ -57,6 +58,8 @@ class StairDetection(Printable):
     parts: Parts | None = None
     draw_map: Callable[[], StairMap] | None = None
     """Function that returns the map, computed once."""
+    find_steps: Callable[[], tuple[Step, ...]] | None = None
+    """Function that returns the steps, computed once."""
 
     def printed(self) -> tuple[str, list[tuple[str, str]]]:
         """Return the heading with its uncertainty and the geometry of the stair, or why there is no heading."""
@@ -77,6 +80,16 @@ class StairDetection(Printable):
                 ),
             ]
         return f"heading {self.heading_rad / DEG:+.2f}° ± {1.96 * self.sigma_rad / DEG:.2f}° (95 %)", rows
+
+    @property
+    def steps(self) -> tuple[Step, ...]:
+        """Steps in view, the lowest of a rising flight first, computed on first access."""
+        return () if self.find_steps is None else self.find_steps()
+
+    @property
+    def turn(self) -> Turn | None:
+        """Where the steps in view go on in another direction; None if they do not."""
+        return turn_of(self.steps)
 
     @property
     def stair_map(self) -> StairMap | None:
