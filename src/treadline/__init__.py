@@ -9,6 +9,7 @@
 * ``tl.read_frames(path)``: frames of a depth image, a point cloud, an elevation map, a folder, or a log.
 * ``tl.frame_of_points(points)``: frame of an array of points of one view.
 * ``tl.detect_stair(frame)``: heading and geometry of the stair in one frame, or in a depth image with its camera.
+* ``tl.detect_ground(frame)``: kerbs, drops and obstacles on the ground ahead.
 * ``tl.identify(u, y, dt)``: linear model of arrays, data frames or logs, ``tl.Identified``, with ``tl.IdentificationOptions``.
 * ``tl.load_model(path)``: ``tl.LinearModel`` from a file.
 * ``tl.tune(model)``: LQR gain and observer of a model, which ``tl.climb`` takes.
@@ -32,6 +33,7 @@ _MODULE_OF = {
     "Scenario": "treadline.scenario",
     "check": "treadline.api",
     "climb": "treadline.api",
+    "detect_ground": "treadline.api",
     "detect_stair": "treadline.api",
     "frame_of_points": "treadline.io.frames",
     "identify": "treadline.api",

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from treadline.identification import IdentificationOptions, Identified
     from treadline.identification.options import IdentificationKeywords
     from treadline.perception import StairDetection
+    from treadline.perception.single_frame import GroundDetection
     from treadline.run.episode import Traverse
     from treadline.run.resolve import ControllerSource, DetectorSource, EstimatorSource, Opener, PlantName
     from treadline.run.run_scores import Scores
@@ -276,7 +277,8 @@ def detect_stair(
             it has none, estimated from the treads.
 
     Returns:
-        ``.accepted``, ``.reason`` (None if accepted), ``.heading_rad``, ``.sigma_rad``, ``.shape`` and ``.stair_map``.
+        ``.accepted``, ``.reason`` (None if accepted), ``.heading_rad``, ``.sigma_rad``, ``.shape``, ``.stair_map``, ``.steps``,
+        ``.turn``, and ``.plot()``, the picture of what was detected.
 
     Raises:
         ImageError: If the image is not of the calibration's size, or not in metres.
@@ -297,6 +299,29 @@ def detect_stair(
     from treadline.scenario.camera_file import calibration_in
 
     return look_once(depth_m, camera if isinstance(camera, PinholeCamera | None) else calibration_in(camera).camera, gravity)
+
+
+def detect_ground(
+    depth_m: "NamedFrame | RgbdFrame | ArrayLike",
+    camera: "PinholeCamera | CameraFile | str | Path | None" = None,
+    gravity: "ArrayLike | None" = None,
+) -> "GroundDetection":
+    """Return the ground ahead of a level chair in one frame: kerbs, drops with their depth, and obstacles.
+
+    Args:
+        depth_m, camera, gravity: As for ``detect_stair``. The mount of the calibration gives the height of the ground.
+
+    Returns:
+        ``.profile``, with ``.free`` (``seen_m``, ``end_m``, ``drop_m``) and ``.obstacle_m``, and ``.steps``.
+
+    Raises:
+        ImageError, SettingsError, RecordError: As ``detect_stair``.
+    """
+    from treadline.core.camera_images import PinholeCamera
+    from treadline.perception.single_frame import ground_once
+    from treadline.scenario.camera_file import calibration_in
+
+    return ground_once(depth_m, camera if isinstance(camera, PinholeCamera | None) else calibration_in(camera).camera, gravity)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)

@@ -39,6 +39,7 @@ def see(
     threshold: str | None = None,
     seconds: float | None = None,
     headings: Path | None = None,
+    stair: Path | None = None,
     out: Path | None = None,
     force: Force = False,
 ) -> Answer:
@@ -80,6 +81,7 @@ def see(
             --out, whose six stages are those of Algorithm 1.
         seconds: Duration of --live [s]. Default: until Ctrl-C.
         headings: Table with a row per frame, .csv or .jsonl (one JSON object per line), in place of a line per frame.
+        stair: Scenario file to write, with the [stair] table of what was measured: medians of the accepted frames.
         out: Folder for the pictures: the six stages of Fig. 5 (NAME-1.png to -6.png), and treads, risers, nosings and heading of
             the robust method (NAME-seen.png); of --live, the newest picture (live-seen.png).
     """
@@ -91,6 +93,8 @@ def see(
         claim(out, force=force)
     if headings is not None:
         claim(headings, force=force, kind="file", option="--headings")
+    if stair is not None:
+        claim(stair, force=force, kind="file", option="--stair")
     chosen = choice("--method", method, ("robust", "paper"))
     rule = choice("--threshold", threshold or "median", get_args(ThresholdRule))
     if threshold is not None and chosen != "paper" and out is None:
@@ -113,13 +117,13 @@ def see(
     frames = read_frames(
         source, depth, camera=camera, gravity=gravity, unit=unit, axes=cloud_axes, grid=grid, topic=topic, colour=colour
     )
-    return _answer(frames, chosen, rule, headings, out)
+    return _answer(frames, chosen, rule, headings, stair, out)
 
 
-def _answer(frames: "FrameSource", method: Any, rule: Any, headings: Path | None, out: Path | None) -> Answer:
+def _answer(frames: "FrameSource", method: Any, rule: Any, headings: Path | None, stair: Path | None, out: Path | None) -> Answer:
     """Evaluate the frames of a source; a single frame answers for itself, several with a summary."""
     from treadline.core.camera_images import SeveralFrames
-    from treadline.io.frames.evaluation import FrameEvaluator, Summary, heading_table
+    from treadline.io.frames.evaluation import FrameEvaluator, Summary, heading_table, measured_stair
 
     evaluator, summary, seen = FrameEvaluator(method, rule), Summary(), list[dict[str, Any]]()
     with ExitStack() as stack:
@@ -136,6 +140,8 @@ def _answer(frames: "FrameSource", method: Any, rule: Any, headings: Path | None
                 table(values)
             if progress is not None:
                 progress.done(values["name"])
+    if stair is not None:
+        stair.write_text(measured_stair(seen), encoding="utf-8")
     found = dict.fromkeys(item["warning"] for item in seen if item["accepted"] and item["warning"] is not None)
     findings = evaluator.findings
     notes = [f"warning: {warning}" for warning in (*frames.warnings, *found, *findings)]
@@ -154,7 +160,7 @@ def _answer(frames: "FrameSource", method: Any, rule: Any, headings: Path | None
 def _line(seen: dict[str, Any]) -> str:
     name = seen["name"] + (f" at {seen['t_s']:.3f} s" if "t_s" in seen else "")
     if not seen["accepted"]:
-        return f"{name}: no heading: {seen['reason']}"
+        return "; ".join([f"{name}: no heading: {seen['reason']}", *seen["ground"]])
     square = f" by Eq. (2), in which {seen['square_deg']:g}° is square to the stair," if seen["square_deg"] else ""
     words = [
         f"{name}: heading{square} {seen['heading_deg']:+.2f}° ± {1.96 * seen['sigma_deg']:.2f}° (95 %)",
@@ -163,6 +169,8 @@ def _line(seen: dict[str, Any]) -> str:
     stair = seen["stair"]
     if stair is not None:
         words.append(f"flight {stair['direction']}, slope {stair['slope_deg']:.1f}°, {_step_text(stair)}")
+    if seen["turn"] is not None:
+        words.append(seen["turn"])
     if not seen["mount_known"]:
         places = [(seen[f"heading_on_{place}_deg"], place) for place in ("flight", "level")]
         on_chair = ", ".join(f"{value:+.2f}° on the {place}" for value, place in places if value is not None)

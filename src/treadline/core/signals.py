@@ -263,6 +263,8 @@ class FreeGround:
     None if the edge does not cross the whole width."""
     direction_sigma_rad: float | None = None
     """Standard deviation of ``direction_rad`` [rad]; None without it."""
+    drop_m: float | None = None
+    """Depth of what is in view below the edge [m]; None if nothing is."""
 
 
 Source = Literal["vision", "gyro"]

@@ -102,6 +102,8 @@ def _ground_fault(ground: FreeGround, _: GuardConfig) -> str:
     end_m, sigma_m = ground.seen_m if ground.end_m is None else ground.end_m, ground.end_sigma_m or 0.0
     if not (0.0 <= ground.blind_m <= end_m <= ground.seen_m < math.inf and 0.0 <= sigma_m < math.inf):
         return f"shows ground from {ground.blind_m:g} to {ground.seen_m:g} m that ends at {end_m:g} ± {sigma_m:g} m"
+    if not 0.0 <= (ground.drop_m or 0.0) < math.inf:
+        return f"shows a drop of {ground.drop_m:g} m"
     return _angle_fault("direction", ground.direction_rad or 0.0) or _number_fault(ground.direction_sigma_rad or 0.0)
 
 

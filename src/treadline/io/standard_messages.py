@@ -119,7 +119,9 @@ JOINTED: dict[type, _Jointed] = {
     HeadingEstimate: _Jointed("source", _by_name("heading_rad", "heading_rate_rad_s", "sigma_rad")),
     HeadingMeasurement: _Jointed("camera", _by_name("heading_rad", "sigma_rad", "edge_count", "correction_rad")),
     FrameQuality: _Jointed("camera", _by_name("fingerprint", "brightness", "contrast", "valid_share", "obstacle_m")),
-    FreeGround: _Jointed("view", _by_name("blind_m", "seen_m", "end_m", "end_sigma_m", "direction_rad", "direction_sigma_rad")),
+    FreeGround: _Jointed(
+        "view", _by_name("blind_m", "seen_m", "end_m", "end_sigma_m", "direction_rad", "direction_sigma_rad", "drop_m")
+    ),
     Truth: _Jointed("simulator", _by_name(*TRUTH_NAMES)),
 }
 

@@ -8,6 +8,10 @@ import numpy as np
 
 from treadline.core.kernel_cache import njit
 
+EDGE_PX, BELOW_PX = 3, 12
+"""Rows at an edge whose depth may be that of neither side, half of a matching window, and last row whose depth counts for the level
+below."""
+
 
 @njit(cache=True, error_model="numpy")
 def scan(depth, step, pinhole, view, start, half, clear, limits, seen, standing):
@@ -29,19 +33,21 @@ def scan(depth, step, pinhole, view, start, half, clear, limits, seen, standing)
         standing: Pixels of what is in the way, and their least distance, by cells along the way.
 
     Returns:
-        For each column with ground: lateral position, last distance with ground and first one without [m], -1 if no end is seen.
+        For each column with ground: lateral position, last distance with ground and first one without, -1 if no end is seen, and
+        depth of what is seen below that end, NaN if nothing is [m].
     """
     fx, fy, cx, cy = pinhole
     axes, origin, belts = view
     slope, drop, bridge, cell = limits
     rows, columns = depth.shape
     furthest, per_m = len(seen) * cell, 0.5 * seen.shape[1] / half
-    ends, count = np.empty((columns // step + 1, 3)), 0
+    ends, count = np.empty((columns // step + 1, 4)), 0
     for u in range(0, columns, step):
         x, is_open = (u - cx) / fx, True
         base, height = start
         lowest = height
         known, through, place = -1.0, -1.0, 0.0
+        below, lower = 0, 0.0
         for v in range(rows - 1, -1, -1):
             z = depth[v, u]
             if not 0.0 < z < 1e3:
@@ -62,6 +68,8 @@ def scan(depth, step, pinhole, view, start, half, clear, limits, seen, standing)
                     standing[int(along / cell), 1] = min(along, standing[int(along / cell), 1])
             # Behind a gap the ground goes on at its level: a slope is none that begins with a drop.
             slack = slope * max(far - base, 0.0) if through < 0.0 else 0.0
+            if through >= 0.0 and above < -0.5 * drop and below < BELOW_PX:
+                below, lower = below + 1, lower + above * (below >= EDGE_PX)
             if not is_open:
                 continue
             if above > 0.5 * drop + slack:
@@ -91,6 +99,7 @@ def scan(depth, step, pinhole, view, start, half, clear, limits, seen, standing)
                 if known >= 0.0 and through < 0.0:
                     through, place = crossing, crossing_left
         if known >= 0.0:
-            ends[count] = place, known, through
+            beneath = -lower / (below - EDGE_PX) if below > EDGE_PX else np.nan
+            ends[count] = place, known, through, beneath
             count += 1
     return ends[:count].copy()

@@ -270,8 +270,6 @@ class _Search:
             parts=Parts(
                 risers=tuple(flight.risers),
                 treads=tuple(flight.treads),
-                flight=tuple(flight.nosings),
-                aside=cross(down.direction, flight.facing),
                 blocks=blocks,
             ),
             draw_map=draw_map,

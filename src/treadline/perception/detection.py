@@ -7,13 +7,12 @@ import numpy as np
 from jaxtyping import UInt8
 
 from treadline.core.angles import DEG
-from treadline.core.camera_images import StairAxes
-from treadline.core.printing import Printable
+from treadline.core.camera_images import RgbdFrame, StairAxes
+from treadline.core.printing import Plottable, Printable
 from treadline.core.rotations import Vector3
 from treadline.core.signals import StairMap
 from treadline.perception._plane_segmentation import PlanarBlocks, Surface
 from treadline.perception._stair_shape import StairShape
-from treadline.perception._step_parts import NosingObservation
 from treadline.perception.steps import Step, Turn, turn_of
 
 Stages = tuple[UInt8[np.ndarray, "h w 3"], ...]
@@ -27,13 +26,10 @@ class Parts:
     blocks: PlanarBlocks
     risers: tuple[Surface, ...]
     treads: tuple[Surface, ...]
-    flight: tuple[NosingObservation, ...]
-    aside: Vector3
-    """Unit vector in C of the nosings' ``sides_m``: the initial edge direction, not the final one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class StairDetection(Printable):
+class StairDetection(Printable, Plottable):
     """Detection result of one frame."""
 
     accepted: bool
@@ -60,11 +56,13 @@ class StairDetection(Printable):
     """Function that returns the map, computed once."""
     find_steps: Callable[[], tuple[Step, ...]] | None = None
     """Function that returns the steps, computed once."""
+    frame: RgbdFrame | None = None
+    """The frame, for ``plot``; None in a loop."""
 
     def printed(self) -> tuple[str, list[tuple[str, str]]]:
         """Return the heading with its uncertainty and the geometry of the stair, or why there is no heading."""
         if self.heading_rad is None or self.sigma_rad is None:
-            return f"no heading: {self.reason}", []
+            return f"no heading: {self.reason}", [("step", str(step)) for step in self.steps]
         if self.unconfirmed:
             heading = f"heading {self.heading_rad / DEG:+.2f}° ± {1.96 * self.sigma_rad / DEG:.2f}° (95 %), unconfirmed"
             return heading, [("edges", str(self.edge_count)), ("reason", str(self.reason))]
@@ -79,6 +77,7 @@ class StairDetection(Printable):
                     f"{shape.distance_m:.2f} m; nosings nearer than {shape.blind_m:.2f} m would be out of view",
                 ),
             ]
+        rows += [("turn", str(self.turn))] if self.turn is not None else []
         return f"heading {self.heading_rad / DEG:+.2f}° ± {1.96 * self.sigma_rad / DEG:.2f}° (95 %)", rows
 
     @property

@@ -154,7 +154,7 @@ def _reached(seen: Int[np.ndarray, "n k"], blind_m: float) -> float:
     return float(reached_m.min())
 
 
-def _ended(ground: FreeGround, ends: Float[np.ndarray, "n 3"], camera: PinholeCamera, origin: Vector3, half_m: float) -> FreeGround:
+def _ended(ground: FreeGround, ends: Float[np.ndarray, "n 4"], camera: PinholeCamera, origin: Vector3, half_m: float) -> FreeGround:
     """Return the ground, up to the range or its end.
 
     Strips in which most columns show an end give the line of the edge. Strips whose ground ends on this line belong to the edge as
@@ -187,7 +187,9 @@ def _ended(ground: FreeGround, ends: Float[np.ndarray, "n 3"], camera: PinholeCa
     row_m = ((end_m - origin[0]) ** 2 + origin[2] ** 2) / (origin[2] * camera.fy_px)
     sigma_m = math.hypot(HALF_WINDOW * camera.width_px * row_m / math.sqrt(12.0), GRAVITY_SIGMA * float(origin[2]))
     turn_sigma_rad = math.hypot(math.sqrt(2.0) * sigma_m / (2.0 * half_m), GRAVITY_SIGMA * end_m / float(origin[2]))
-    ended = replace(ground, seen_m=end_m, end_m=end_m, end_sigma_m=sigma_m)
+    depths_m = ends[shows & (np.abs(places_m - shown_m[strips]) < BRIDGE_M) & np.isfinite(ends[:, 3]), 3]
+    drop_m = float(np.median(depths_m)) if depths_m.size else None
+    ended = replace(ground, seen_m=end_m, end_m=end_m, end_sigma_m=sigma_m, drop_m=drop_m)
     if line is None or not np.all(edge[inside]):
         return ended
     return replace(ended, direction_rad=-math.atan(line.coef[1]), direction_sigma_rad=turn_sigma_rad)

@@ -20,6 +20,7 @@ COLOURS = {
     "tread": (70, 150, 255),
     "riser": (255, 150, 50),
     "nosing": (255, 235, 60),
+    "turned": (255, 90, 220),
     "text": (255, 255, 255),
     "obstacle": (255, 60, 60),
 }
@@ -44,9 +45,10 @@ def overlay(frame: RgbdFrame, sight: StairDetection) -> Picture:
             for surface in surfaces:
                 _tint(picture, surface, COLOURS[kind], side_px)
     picture = cv2.resize(picture, (WIDTH_PX, round(frame.camera.height_px * scale)), interpolation=cv2.INTER_LINEAR)
-    if sight.parts is not None and sight.axes is not None:
-        for nosing in sight.parts.flight:
-            _line(picture, frame.camera, nosing.ends_m(sight.axes.edge_C, sight.parts.aside), scale)
+    straight = sight.edge_count if sight.turn is None else sight.turn.after
+    for number, step in enumerate(sight.steps):
+        is_of_flight = sight.parts is not None and number < straight
+        _line(picture, frame.camera, np.array(step.ends_C), scale, "nosing" if is_of_flight else "turned")
     canvas = np.zeros((picture.shape[0] + BAND_PX, WIDTH_PX, 3), dtype=np.uint8)
     canvas[: picture.shape[0]] = picture
     for number, (line, kind) in enumerate(_words(sight), start=1):
@@ -102,6 +104,8 @@ def _words(sight: StairDetection) -> list[tuple[str, str]]:
     stair = f"flight {seen.direction}: rise {1e3 * seen.rise_m:.0f} mm, run {1e3 * seen.run_m:.0f} mm, "
     stair += f"slope {seen.slope_rad / DEG:.1f}°" + (", ends in view" if seen.ends else "")
     walls = [(seen.left_wall_m, "left"), (seen.right_wall_m, "right")]
+    if sight.turn is not None:
+        stair += f", {sight.turn}"
     stair += "".join(f", {word} wall {1e2 * free:.0f} cm" for free, word in walls if free is not None)
     if seen.obstacle_m is not None:
         return [(heading, "text"), (f"{stair}, obstacle in {seen.obstacle_m:.2f} m", "obstacle")]
@@ -116,13 +120,13 @@ def _tint(picture: Picture, surface: Surface, colour: tuple[int, int, int], side
         part[:] = ((1.0 - TINT) * part + TINT * shade).astype(np.uint8)
 
 
-def _line(picture: Picture, camera: PinholeCamera, ends: Float[np.ndarray, "2 3"], scale: float) -> None:
+def _line(picture: Picture, camera: PinholeCamera, ends: Float[np.ndarray, "2 3"], scale: float, kind: str) -> None:
     if ends[:, 2].min() <= 0.0:
         return
     u = camera.fx_px * ends[:, 0] / ends[:, 2] + camera.cx_px
     v = camera.fy_px * ends[:, 1] / ends[:, 2] + camera.cy_px
     places = np.round((np.column_stack([u, v]) + 0.5) * scale - 0.5).astype(int)
-    cv2.line(picture, tuple(places[0].tolist()), tuple(places[1].tolist()), COLOURS["nosing"], 2, cv2.LINE_AA)
+    cv2.line(picture, tuple(places[0].tolist()), tuple(places[1].tolist()), COLOURS[kind], 2, cv2.LINE_AA)
 
 
 def _dial(canvas: Picture, centre: tuple[int, int], heading_rad: float, half_rad: float) -> None:

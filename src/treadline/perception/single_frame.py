@@ -1,6 +1,6 @@
 """The stair in one frame, whatever it is given as: a frame with a name, a frame, or a depth image with its calibration."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +9,32 @@ from numpy.typing import ArrayLike
 from treadline.core.arrays import real, shaped
 from treadline.core.camera_images import FrameSource, NamedFrame, PinholeCamera, RgbdFrame, black
 from treadline.core.errors import ImageError, SettingsError
+from treadline.core.printing import Printable
+from treadline.core.rotations import Vector3
 from treadline.perception.detection import StairDetection
-from treadline.perception.detector import StairDetector
+from treadline.perception.detector import DetectorConfig, StairDetector
+from treadline.perception.free_ground import SWEPT_HALF_M, GroundProfile, ground_ahead
+from treadline.perception.steps import Step
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class GroundDetection(Printable):
+    """What a level chair meets on the ground ahead, in one frame."""
+
+    profile: GroundProfile
+    steps: tuple[Step, ...]
+    """Kerbs, drops and other steps in view, the lowest first."""
+
+    def printed(self) -> tuple[str, list[tuple[str, str]]]:
+        """Return how far the ground goes, and what follows."""
+        free, obstacle_m = self.profile.free, self.profile.obstacle_m
+        rows = [("step", str(step)) for step in self.steps]
+        if free.end_m is not None:
+            below = "nothing in view below" if free.drop_m is None else f"{free.drop_m:.2f} m deep"
+            rows.append(("drop", f"at {free.end_m:.2f} ± {1.96 * (free.end_sigma_m or 0.0):.2f} m, {below}"))
+        if obstacle_m is not None:
+            rows.append(("obstacle", f"at {obstacle_m:.2f} m"))
+        return f"ground seen from {free.blind_m:.2f} to {free.seen_m:.2f} m ahead of mid-track", rows
 
 
 def look_once(
@@ -28,16 +52,45 @@ def look_once(
         SettingsError: If a depth image comes without a calibration.
         RecordError: If gravity is not three numbers.
     """
+    frame, down = _one(given, camera, gravity_C)
+    return replace(StairDetector().look(frame, down), frame=frame)
+
+
+def ground_once(
+    given: NamedFrame | RgbdFrame | ArrayLike,
+    camera: PinholeCamera | None = None,
+    gravity_C: ArrayLike | None = None,
+    swept_half_m: float = SWEPT_HALF_M,
+) -> GroundDetection:
+    """Return the ground ahead in one frame: kerbs, drops and obstacles.
+
+    Args:
+        given, camera, gravity_C: As for ``look_once``; without gravity the chair is taken to be level.
+        swept_half_m: Half width of the volume swept by the chair [m].
+
+    Raises:
+        ImageError, SettingsError, RecordError: As ``look_once``.
+    """
+    frame, down = _one(given, camera, gravity_C)
+    if down is None:
+        down = np.asarray(frame.camera.R_BC.T @ np.array([0.0, 0.0, -1.0]))
+    profile = ground_ahead(frame, down / max(float(np.linalg.norm(down)), 1e-9), swept_half_m)
+    return GroundDetection(profile=profile, steps=StairDetector(DetectorConfig(swept_half_m=swept_half_m)).look(frame, down).steps)
+
+
+def _one(
+    given: NamedFrame | RgbdFrame | ArrayLike, camera: PinholeCamera | None, gravity_C: ArrayLike | None
+) -> tuple[RgbdFrame, Vector3 | None]:
+    """Return frame and gravity of what is given."""
     if isinstance(given, NamedFrame):
         if given.frame is None:
             raise ImageError(f"{given.name}: {given.reason}")
-        return look_once(given.frame, camera, given.gravity_C if gravity_C is None else gravity_C)
+        return _one(given.frame, camera, given.gravity_C if gravity_C is None else gravity_C)
     if not isinstance(given, RgbdFrame):
         frame = _depth_frame(given, camera)
     else:
         frame = given if camera is None else replace(given, camera=camera)
-    down = None if gravity_C is None else shaped("gravity", gravity_C, (3,), "three numbers x, y, z")
-    return StairDetector().look(frame, down)
+    return frame, None if gravity_C is None else shaped("gravity", gravity_C, (3,), "three numbers x, y, z")
 
 
 def _depth_frame(depth_m: ArrayLike, camera: PinholeCamera | None) -> RgbdFrame:

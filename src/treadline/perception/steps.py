@@ -65,9 +65,18 @@ class Step:
     """Rotation of the edge about the vertical [rad]: zero square to the chair, positive anticlockwise seen from above."""
     sigma_rad: float
     """Standard deviation of the direction [rad]."""
+    ends_C: tuple[tuple[float, ...], tuple[float, ...]]
+    """The same ends in the camera frame [m]."""
     depth_m: tuple[float, float, float] | None = None
     """Distance from the left end, the middle and the right end of the edge to the next one, square to this one [m]; None if no next
     edge, and no end of the tread, is in view."""
+
+    def __str__(self) -> str:
+        side = "left" if self.direction_rad > 0.0 else "right"
+        far_m = 0.5 * (self.edge_m[0][0] + self.edge_m[1][0])
+        turned = f"turned by {abs(self.direction_rad) / DEG:.1f} ± {1.96 * self.sigma_rad / DEG:.1f}° to the {side}"
+        deep = f", {self.depth_m[1]:.2f} m deep" if self.depth_m is not None else ""
+        return f"{self.kind} {'down' if self.rise_m < 0.0 else 'up'} {abs(self.rise_m):.3f} m at {abs(far_m):.2f} m, {turned}{deep}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -290,6 +299,7 @@ def _step(scene: Scene, edge: _Edge, depth: tuple[float, float, float] | None, k
         height_m=edge.top_m + float(p_C @ level.up),
         rise_m=edge.rise_m,
         edge_m=((x0, y0), (x1, y1)),
+        ends_C=(tuple(edge.ends[0].tolist()), tuple(edge.ends[1].tolist())),
         direction_rad=math.atan2(float(edge.ahead @ left), float(edge.ahead @ level.ahead)),
         sigma_rad=edge.sigma_rad,
         depth_m=depth,

@@ -4,10 +4,11 @@ import csv
 import json
 import re
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
+from statistics import median
 from typing import Any, Literal
 
 import numpy as np
@@ -24,6 +25,7 @@ from treadline.perception.overlay import overlay, write_picture, write_stages
 from treadline.perception.paper.algorithm import PaperConfig
 from treadline.perception.paper.edges import ThresholdRule
 from treadline.perception.paper.printed_heading import heading_about
+from treadline.perception.single_frame import ground_once
 
 NO_MOUNT = (
     "the calibration names no mount, so the camera is taken to look level and straight ahead: heading_deg is about the camera's "
@@ -131,11 +133,39 @@ def _answer(named: NamedFrame, sight: StairDetection, spent_ms: float, square_de
         "edges": sight.edge_count,
         "box_px": sight.box_px,
         "stair": _stair(sight),
+        "steps": [asdict(step) for step in sight.steps],
+        "turn": None if sight.turn is None else f"the flight {sight.turn}",
+        "ground": _ground(named, sight),
         "ms": spent_ms,
         "mount_known": named.mount_known,
         "warning": _calibration_warning(named),
         **({} if named.mount_known else _without_mount(sight)),
     }
+
+
+def _ground(named: NamedFrame, sight: StairDetection) -> list[str]:
+    """Return what is on the ground of a frame without an accepted flight, in words; it takes gravity and a mount."""
+    if sight.accepted or named.frame is None or named.gravity_C is None or not named.mount_known:
+        return []
+    return [f"{name} {text}" if name != "step" else text for name, text in ground_once(named).printed()[1]]
+
+
+def measured_stair(seen: Sequence[Mapping[str, Any]]) -> str:
+    """Return the ``[stair]`` table of a scenario from the accepted frames of one stair: medians, and the steps that were in view.
+
+    Raises:
+        SettingsError: If no frame was accepted.
+    """
+    stairs = [values["stair"] for values in seen if values["accepted"] and values["stair"] is not None]
+    if not stairs:
+        raise SettingsError("--stair: no frame shows a stair whose steps could be written")
+    steps = max(len(stair["nosings_m"]) for stair in stairs)
+    has_end = any(stair["ends"] for stair in stairs)
+    lines = [f"{name} = {median(stair[name] for stair in stairs):.3f}" for name in ("rise_m", "run_m")]
+    widths_m = [stair["width_m"] for stair in stairs if stair["width_m"] is not None]
+    lines += [f"width_m = {median(widths_m):.2f}"] if widths_m else []
+    end = "its end was in view" if has_end else "its end was not in view: there may be more"
+    return "\n".join(["[stair]", *lines, f"steps = {steps}  # in view of one frame; {end}", ""])
 
 
 def _deg(angle_rad: float | None) -> float | None:
@@ -165,7 +195,7 @@ def _stair(sight: StairDetection) -> dict[str, Any] | None:
     measures |= {"slope_deg": _deg(shape.slope_rad), "distance_m": shape.distance_m}
     if seen is not None:
         measures["nosings_m"] = [list(place) for place in seen.nosings_B]
-        measures |= {name: getattr(seen, name) for name in ("ends", "left_wall_m", "right_wall_m", "obstacle_m")}
+        measures |= {name: getattr(seen, name) for name in ("ends", "width_m", "left_wall_m", "right_wall_m", "obstacle_m")}
     return measures
 
 
