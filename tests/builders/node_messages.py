@@ -33,7 +33,7 @@ CAMERA = PinholeCamera(
 DEPTH = np.linspace(0.5, 3.0, 48, dtype=np.float32).reshape(6, 8)
 DEPTH[2, 3] = np.nan
 PLACES_B = [(-0.1, 0.0, 0.01), (-0.4, 0.001, -0.17)]
-SIDES_M = {"right_wall_m": 0.6, "left_seen_m": -0.1, "right_seen_m": 0.55}
+SIDES_M = {"right_wall_m": 0.6, "left_seen_m": -0.1, "right_seen_m": 0.55, "turn_rad": 0.52}
 MAP = stair(T_S, PLACES_B, direction="down", rise_m=0.17, slope_rad=0.5, ends=True, **SIDES_M)
 SIGNALS = [
     (on.CLOCK, on.Clock(t_s=T_S)),

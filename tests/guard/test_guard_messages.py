@@ -175,6 +175,8 @@ CONTENT: list[tuple[type, str, list[Any], list[Any]]] = [
     (signals.FreeGround, "end_sigma_m", [0.0], [-0.1, math.inf]),
     (signals.FreeGround, "direction_rad", [], [3.2]),
     (signals.FreeGround, "direction_sigma_rad", [], [math.inf]),
+    (signals.FreeGround, "drop_m", [0.0, 0.5], [-0.1, math.inf, math.nan]),
+    (signals.StairMap, "turn_rad", [-1.6, 1.6], [math.inf, math.nan, 7.0]),
     (signals.MotionPlan, "speed_m_s", [-0.5], [0.5625]),
     (signals.MotionPlan, "heading_rad", [], [3.2]),
     (signals.MotionPlan, "min_inner_speed_ratio", [], [math.inf]),

@@ -127,6 +127,8 @@ def sees_a_gap(state: str, past_m: float, *, from_m: float = -1.2) -> Course:
 
 NARROW = lambda seen: replace(seen, left_wall_m=0.3, right_wall_m=0.9)  # noqa: E731
 OPEN = lambda seen: replace(seen, left_side="open", left_edge_m=0.2, left_seen_m=0.2)  # noqa: E731
+TURNED = lambda seen: replace(seen, turn_rad=-30.0 * DEG, ends=False)  # noqa: E731
+TURNED_ON_A_LANDING = lambda seen: replace(seen, turn_rad=1.5 if seen.ends else None)  # noqa: E731
 HIGH_TOP = flight(*[(0.16, 0.30)] * 3, (0.19, 0.30))
 ON, HALF_WAY = {"away_m": -1.2}, {"away_m": -1.0}
 BACK = "the operator sent the chair back"
@@ -139,6 +141,9 @@ UP: dict[str, Case] = {
     "wakes up on a flight": Case("climb", "on a flight, pitched by 28", until("climb"), ON),
     "too steep": Case("refused", "36.5°", world={"spoil": STEEPER}),
     "too steep from nearby": Case("refused", "steep", world={"away_m": 2.4, "spoil": rising_by(JUST_TOO_HIGH_M)}),
+    "winders": Case("refused", "turns by 30° to the right .* without a landing", world={"spoil": TURNED}),
+    "winders seen on the flight": Case("climb", "turns by 30° to the right", after("climb", spoil=TURNED), {"nosings": steps(10)}),
+    "turn on a landing": Case("arrived", "on the landing", world={"nosings": steps(5), "spoil": TURNED_ON_A_LANDING}),
     "gap seen from the floor": Case("approach", "a step is missing: 0.6", world={"spoil": without(1)}),
     "gap seen at the mount": Case("mount", "a step is missing: 0.6", after("align", lacks=2)),
     "gap seen on the flight": Case("climb", "a step is missing: 0.68 m", after("align", lacks=6), {"nosings": steps(10)}),
