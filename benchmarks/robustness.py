@@ -3,21 +3,37 @@
 Recorded frames, if available, and lifelike drawn ones, each seen otherwise (``variations``): smaller, cropped, turned, mirrored,
 with a wrong gravity, or in another size. No frame may end in an exception, an accepted heading may leave its 99 % interval in one
 frame of a hundred, and a scene of another size is accepted with its own rise and run or rejected.
+
+``--folders N``: the calibration gate instead, on N folders before a flight and N on it for each fault, and on 14 N sound ones.
 """
 
+import functools
+import operator
 import traceback
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scenes.scores import percent
 from tables import frame_options, markdown, seeds_of
-from variations import KINDS, KnownFrame, drawn_frame, recorded_frames, seen_otherwise
+from variations import (
+    FAULTS,
+    KINDS,
+    Kind,
+    KnownFrame,
+    drawn_folder,
+    drawn_frame,
+    recorded_frames,
+    seen_otherwise,
+    with_fault,
+)
 
 from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.rotations import Vector3
 from treadline.perception import StairDetection, StairDetector
+from treadline.perception.calibration_gate import CalibrationEvidence, Cause, calibration_evidence
 
 WITHIN_99 = 2.576
 """Half width of a 99 % interval of a normal distribution, in standard deviations."""
@@ -64,6 +80,10 @@ class Tally:
         )
 
 
+FOLDER_FRAMES, SOUND_FRAMES = 5, 3
+"""Number of frames of a folder with each fault, and of a sound one."""
+SOUND_SCENES = ("up", "foot", "top", "down", "bottom")
+GATE_COLUMNS = "| | folders with the right cause | others | frames with the right cause | others |"
 COLUMNS = "| | frames | accepted | outside the 99 % interval | worst | rise off by more than 10 % | exceptions |"
 
 
@@ -98,12 +118,52 @@ def tallies(bases: list[KnownFrame], looks: int, rng: np.random.Generator) -> di
     return found
 
 
+def gate_rows(first: int, folders: int) -> Iterator[str]:
+    """Yield a row per fault: the causes that the gate gives for folders and for their frames."""
+    for scene in ("foot", "up"):
+        sound = [drawn_folder(seed, scene, FOLDER_FRAMES) for seed in range(first, first + folders)]
+        for fault in FAULTS:
+            found = [[_evidence(with_fault(known, fault)) for known in folder] for folder in sound]
+            yield _gate_row(f"{fault}, {scene}", FAULTS[fault], found)
+    kinds: tuple[Kind, ...] = ("plain", "smaller", "cropped", "mirrored")
+    rng = np.random.default_rng(first)
+    recorded = [known for known in recorded_frames() if known.gravity_C is not None]
+    seen = [[seen_otherwise(known, kinds[n % len(kinds)], rng)] for n in range(2 * folders) for known in recorded]
+    yield _gate_row("sound, recorded", None, [[_evidence(known) for known in folder] for folder in seen])
+    many = range(first + folders, first + 11 * folders)
+    drawn = (drawn_folder(seed, SOUND_SCENES[seed % len(SOUND_SCENES)], SOUND_FRAMES) for seed in many)
+    yield _gate_row("sound, drawn", None, [[_evidence(known) for known in folder] for folder in drawn])
+
+
+def _evidence(known: KnownFrame) -> CalibrationEvidence | None:
+    sight = StairDetector().look(known.frame, known.gravity_C)
+    return calibration_evidence(sight, known.frame.camera, known.gravity_C)
+
+
+def _gate_row(label: str, right: Cause | None, folders: list[list[CalibrationEvidence | None]]) -> str:
+    """Return the row of a fault; None is the right cause of sound folders."""
+    cells = []
+    kept = [[one for one in folder if one is not None] for folder in folders]
+    for groups in (
+        [functools.reduce(operator.add, folder) for folder in kept if folder],
+        [one for folder in kept for one in folder],
+    ):
+        causes = Counter(None if (fault := one.fault) is None else fault.cause for one in groups)
+        others = ", ".join(f"{count} {cause or 'not refused'}" for cause, count in causes.items() if cause != right)
+        cells += [f"{causes[right]} of {len(groups)}", others or "–"]
+    return f"| {label} | {' | '.join(cells)} |"
+
+
 def main() -> None:
     """Print the table."""
     parser = frame_options(__doc__, 80, "drawn frames that are varied")
     parser.add_argument("--looks", type=int, default=4000, help="varied frames")
+    parser.add_argument("--folders", type=int, default=0, help="folders of the calibration gate for each fault")
     arguments = parser.parse_args()
     seeds = seeds_of(arguments)
+    if arguments.folders:
+        markdown(GATE_COLUMNS, gate_rows(seeds.start, arguments.folders), "Calibration gate")
+        return
     recorded = [_measured(known) for known in recorded_frames()]
     for label, bases in (("recorded", recorded), ("drawn", [drawn_frame(seed) for seed in seeds])):
         if not bases:

@@ -1,7 +1,8 @@
 """Frames whose stair is known, and the same frames seen otherwise: another image plane, another gravity, another size.
 
 Each variation is one random draw that changes what a detector is given and what is true of it alike: a smaller image, a part of
-it, a turned or mirrored camera, and a scene of another size. A wrong gravity changes only what is given.
+it, a turned or mirrored camera, and a scene of another size. A wrong gravity changes only what is given, and so does a faulty
+calibration.
 """
 
 from dataclasses import dataclass, replace
@@ -9,13 +10,14 @@ from typing import Literal
 
 import cv2
 import numpy as np
-from perception_cases import sensor_cases
+from perception_cases import Case, sensor_cases
 from real_frames import real_frames
-from scenes import draw_view
+from scenes import RecordedDrive, View, ViewRecipe, draw_view
 
 from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera, RgbdFrame, black
 from treadline.core.rotations import Vector3
+from treadline.perception.calibration_gate import Cause
 
 Kind = Literal["plain", "smaller", "cropped", "turned", "turned a little", "mirrored", "gravity wrong", "scaled"]
 KINDS: tuple[Kind, ...] = ("plain", "smaller", "cropped", "turned", "turned a little", "mirrored", "gravity wrong", "scaled")
@@ -40,6 +42,20 @@ class KnownFrame:
     run_m: float | None = None
 
 
+WIDER = 848.0 / 640.0, 424.0 / 387.0
+"""Ratios of image width and focal length of the two resolutions of a D435 with 480 rows: 848 and 640 columns."""
+FAULTS: dict[str, Cause] = {
+    **{f"turned by {angle}°": "turned" for angle in (90, 180, 270)},
+    **{f"turned with gravity by {angle}°": "turned" for angle in (90, 180, 270)},
+    "mirrored": "mirrored",
+    **{f"focal length x{factor}": "focal length" for factor in (0.75, 0.92, 1.08, 1.2, 1.33)},
+    "calibration of 848×480": "image size",
+    "mount pitched by 3°": "mount",
+    "mount rolled by 3°": "mount",
+}
+"""Faults of a calibration and their cause; images that are turned with gravity contradict the mount alone."""
+
+
 def recorded_frames() -> list[KnownFrame]:
     """Return the recorded frames with a reference; none where their folder is missing."""
     return [
@@ -56,14 +72,33 @@ def recorded_frames() -> list[KnownFrame]:
 
 def drawn_frame(seed: int) -> KnownFrame:
     """Return a lifelike frame of a random sensor and place."""
-    rng = np.random.default_rng([seed, len(SCENES)])
+    case, recipe = _drawn_case(seed, len(SCENES))
+    view = draw_view(np.random.default_rng(seed), recipe)
+    return _known(f"{seed} {case.label}, {view.scene}", view)
+
+
+def drawn_folder(seed: int, scene: str, frames: int) -> list[KnownFrame]:
+    """Return frames of a chair that drives on and turns by 25°, of a random sensor: from 1.5 to 2.1 m before a flight, or on it."""
+    case, recipe = _drawn_case(seed, len(SCENES))
+    place_m = (1.5, 2.1) if scene == "foot" else (1.0, 1.5)
+    drive = RecordedDrive(np.random.default_rng(seed), replace(recipe, scenes=(scene,), place_m=place_m, rock_deg=1.0))
+    turns = np.linspace(-5.0, 20.0, frames) * DEG
+    poses = [drive.pose(0.1 * number, float(turn)) for number, turn in enumerate(turns)]
+    return [_known(f"{seed} {case.label}, {scene} {number}", drive.view(float(number), pose)) for number, pose in enumerate(poses)]
+
+
+def _drawn_case(seed: int, stream: int) -> tuple[Case, ViewRecipe]:
+    rng = np.random.default_rng([seed, stream])
     cases = [case for case in sensor_cases() if "place_m" not in case.recipe]
     case = cases[int(rng.integers(len(cases)))]
     recipe = {"scenes": (SCENES[int(rng.integers(len(SCENES)))],)} | case.recipe
-    view = draw_view(np.random.default_rng(seed), replace(case, recipe=recipe, is_lifelike=True).recipe_of(seed))
+    return case, replace(case, recipe=recipe, is_lifelike=True).recipe_of(seed)
+
+
+def _known(name: str, view: View) -> KnownFrame:
     assert view.stair is not None  # noqa: S101 - for the type checker
     return KnownFrame(
-        name=f"{seed} {case.label}, {view.scene}",
+        name=name,
         frame=_of_depth(view.frame.depth_m, view.frame.camera),
         gravity_C=view.gravity_C,
         edge_C=view.stair.edge_C,
@@ -97,6 +132,29 @@ def seen_otherwise(known: KnownFrame, kind: Kind, rng: np.random.Generator) -> K
         case "mirrored":
             M = np.diag([-1.0, 1.0])
     return _through(known, M, factor, corner + phase, part, is_smooth=bool(rng.random() < 0.5))
+
+
+def with_fault(known: KnownFrame, fault: str) -> KnownFrame:
+    """Return a frame as a wrong calibration describes it."""
+    camera, size = known.frame.camera, fault.rsplit(maxsplit=1)[-1].strip("x°")
+    match FAULTS[fault]:
+        case "turned":
+            turned = _through(known, _turn(-float(size)), 1.0, np.zeros(2), np.ones(2), is_smooth=False)
+            return turned if "gravity" in fault else replace(turned, gravity_C=known.gravity_C)
+        case "mirrored":
+            return replace(known, frame=_of_depth(np.ascontiguousarray(known.frame.depth_m[:, ::-1]), camera))
+        case "mount":
+            name = "mount_pitch_rad" if "pitched" in fault else "mount_roll_rad"
+            wrong = replace(camera, **{name: getattr(camera, name) + float(size) * DEG})
+            down = None if known.gravity_C is None else wrong.R_BC.T @ camera.R_BC @ known.gravity_C
+            return replace(known, frame=replace(known.frame, camera=wrong), gravity_C=down)
+        case "image size":
+            wrong = replace(camera, cx_px=WIDER[0] * (camera.cx_px + 0.5) - 0.5)
+            factor = WIDER[1]
+        case _:
+            wrong, factor = camera, float(size)
+    wrong = replace(wrong, fx_px=factor * camera.fx_px, fy_px=factor * camera.fy_px)
+    return replace(known, frame=replace(known.frame, camera=wrong))
 
 
 def _turn(angle_deg: float) -> np.ndarray:

@@ -130,7 +130,7 @@ def _answer(frames: "FrameSource", method: Any, rule: Any, headings: Path | None
         table = None if headings is None else stack.enter_context(heading_table(headings))
         are_many = frames.count is not None and frames.count >= MANY
         progress = stack.enter_context(Progress("see", frames.count)) if are_many else None
-        for named in frames:
+        for named in evaluator.tested(frames):
             sight, values = evaluator.evaluate(named)
             if out is not None:
                 evaluator.write_pictures(named, sight, out)

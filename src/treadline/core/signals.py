@@ -405,9 +405,9 @@ class Event:
     t_s: float
     name: str
     """Name: ``hold``, ``rearmed``, ``slow``, ``resumed``, ``re-referenced``, ``vision_dim``, ``vision_clear``, ``seat_shifted``,
-    ``refused``, ``camera_mount``, ``imu_axes``, ``imu_tilt``, ``rejected``, ``rearm_refused``, ``drop_unwatched``,
-    ``map_unwatched``, ``health_unwatched``, ``source``, ``dropped``, ``clock``, ``guard_process``, or the phase entered; ``ended``
-    in a recording. Other publishers on the topic use other names."""
+    ``refused``, ``camera_calibration``, ``camera_mount``, ``imu_axes``, ``imu_tilt``, ``rejected``, ``rearm_refused``,
+    ``drop_unwatched``, ``map_unwatched``, ``health_unwatched``, ``source``, ``dropped``, ``clock``, ``guard_process``, or the phase
+    entered; ``ended`` in a recording. Other publishers on the topic use other names."""
     cause: str
     """Observation behind the event, with its value."""
 

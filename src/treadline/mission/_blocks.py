@@ -41,6 +41,7 @@ from treadline.estimation import MountMonitor
 from treadline.mission.belt_controllers import Driver, Proposals
 from treadline.mission.planner import Planner, PlannerInput
 from treadline.perception import StairDetector
+from treadline.perception.calibration_gate import FRAMES, CalibrationEvidence, Fault, calibration_evidence
 from treadline.perception.detector import FrameResult
 from treadline.perception.frame_quality import quality_of
 from treadline.perception.free_ground import SWEPT_HALF_M, ground_ahead
@@ -138,6 +139,8 @@ class CameraBlock:
         self._looked_s = -math.inf
         self._gravity_agrees = False
         """Whether a frame with a stair has agreed with gravity: the IMU's axes are right."""
+        self._evidence: CalibrationEvidence | None = None
+        self._fault: Fault | None = None
 
     def update(self, reading: ImuSample | TrackReading) -> None:
         """Remember an attitude, or whether the chair moves."""
@@ -151,7 +154,8 @@ class CameraBlock:
     ) -> Iterator[FrameQuality | FreeGround | HeadingMeasurement | StairMap | Event]:
         """Yield the quality of a frame and, if ``admit`` accepts the quality, the ground ahead, heading and stair map.
 
-        Events report errors of the camera's mount and of the IMU's axes. A frame whose treads contradict gravity has no heading.
+        Events report errors of the camera's calibration and mount and of the IMU's axes. A frame whose treads contradict gravity
+        has no heading, and no frame has one while the calibration has a fault.
         """
         nominal = frame.camera
         frame = self._corrected(frame, nominal)
@@ -165,20 +169,21 @@ class CameraBlock:
         if ground is not None:
             yield ground.free
         detection = self._detector.see(frame, gravity_C)
+        faults = self._check_calibration(frame.t_s, nominal, exposed, detection)
         agrees, events = self._check_mount(frame, nominal, exposed, detection)
         corrected = self._corrected(frame, nominal)
         before = detection.measurement
         if exposed is not None and corrected is not frame:
             # The mount error was declared, or declared anew, by this frame.
             detection = self._detector.see(corrected, gravity_in(exposed, corrected.camera))
-        if agrees:
+        if agrees and self._fault is None:
             measurement = detection.measurement
             if measurement is not None:
                 yield self._with_mount(measurement if corrected is frame else _with_correction(measurement, before))
             stair_map = detection.stair_map  # made when it is asked for, after the heading has been used
             if stair_map is not None:
                 yield stair_map
-        yield from events
+        yield from (*faults, *events)
 
     def _corrected(self, frame: RgbdFrame, nominal: PinholeCamera) -> RgbdFrame:
         """Return the frame with the corrected mount, the same object where nothing changes."""
@@ -207,6 +212,25 @@ class CameraBlock:
         agrees, events = self._mount.step(axes, exposed, nominal)
         self._gravity_agrees |= agrees
         return agrees, events
+
+    def _check_calibration(
+        self, t_s: float, nominal: PinholeCamera, exposed: ImuSample | None, detection: Detection
+    ) -> list[Event]:
+        """Add the first frames to the evidence of the calibration; return an event of a fault that the monitor does not correct."""
+        known = self._evidence if self._evidence is not None and self._evidence.camera == nominal else None
+        if exposed is None or not isinstance(detection, FrameResult) or detection.sight is None:
+            return []
+        if known is not None and known.frames >= FRAMES and self._fault is None:
+            return []
+        new = calibration_evidence(detection.sight, nominal, gravity_in(exposed, nominal))
+        if new is None:
+            return []
+        before, self._evidence = self._fault, new if known is None else known + new
+        fault = self._evidence.fault
+        self._fault = None if fault is None or fault.cause == "mount" else fault
+        if self._fault is None or before is not None:
+            return []
+        return [Event(t_s=t_s, name="camera_calibration", cause=f"{self._fault.text}; no headings")]
 
     def _axes_without_gravity(self, frame: RgbdFrame) -> StairAxes | None:
         """Return the axes of a stair that is only found without gravity, at intervals; None once gravity has been confirmed."""

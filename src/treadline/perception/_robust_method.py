@@ -96,7 +96,7 @@ def detect_stair(
         return refused(_too_few(blocks, frame.depth_m))
     search.watch.lap("blocks")
     if gravity_C is not None:
-        return search.with_imu(blocks, gravity_C)
+        return replace(search.with_imu(blocks, gravity_C), blocks=blocks)
     sight = refused("gravity is not known, and no treads show it")
     for pitch_rad, least_levels in ((LOOKING_AHEAD, 0), (LOOKING_DOWN, LEVELS)):
         guess = down_of_treads(blocks.unit, pitch_rad)

@@ -52,6 +52,8 @@ class StairDetection(Printable, Plottable):
     it as well: the heading is that of a stair if this is one, and rise and run are hardly known."""
     axes: StairAxes | None = None
     parts: Parts | None = None
+    blocks: PlanarBlocks | None = None
+    """Planar blocks of a frame with gravity, accepted or not, for the calibration gate."""
     draw_map: Callable[[], StairMap] | None = None
     """Function that returns the map, computed once."""
     find_steps: Callable[[], tuple[Step, ...]] | None = None

@@ -11,6 +11,7 @@ from treadline.core.camera_images import FrameSource, NamedFrame, PinholeCamera,
 from treadline.core.errors import ImageError, SettingsError
 from treadline.core.printing import Printable
 from treadline.core.rotations import Vector3
+from treadline.perception.calibration_gate import calibration_evidence, gated
 from treadline.perception.detection import StairDetection
 from treadline.perception.detector import DetectorConfig, StairDetector
 from treadline.perception.free_ground import SWEPT_HALF_M, GroundProfile, ground_ahead
@@ -40,7 +41,7 @@ class GroundDetection(Printable):
 def look_once(
     given: NamedFrame | RgbdFrame | ArrayLike, camera: PinholeCamera | None = None, gravity_C: ArrayLike | None = None
 ) -> StairDetection:
-    """Return the heading and the geometry of the stair in one frame.
+    """Return the heading and the geometry of the stair in one frame; refused where the frame shows a fault of its calibration.
 
     Args:
         given: Frame, or depth image [m].
@@ -53,7 +54,8 @@ def look_once(
         RecordError: If gravity is not three numbers.
     """
     frame, down = _one(given, camera, gravity_C)
-    return replace(StairDetector().look(frame, down), frame=frame)
+    sight = replace(StairDetector().look(frame, down), frame=frame)
+    return gated(sight, calibration_evidence(sight, frame.camera, down))
 
 
 def ground_once(
@@ -91,6 +93,9 @@ def _one(
     else:
         frame = given if camera is None else replace(given, camera=camera)
     return frame, None if gravity_C is None else shaped("gravity", gravity_C, (3,), "three numbers x, y, z")
+    down = None if gravity_C is None else shaped("gravity", gravity_C, (3,), "three numbers x, y, z")
+    sight = StairDetector().look(frame, down)
+    return gated(sight, calibration_evidence(sight, frame.camera, down))
 
 
 def _depth_frame(depth_m: ArrayLike, camera: PinholeCamera | None) -> RgbdFrame:

@@ -4,9 +4,10 @@ import csv
 import json
 import re
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
+from itertools import chain, islice
 from pathlib import Path
 from statistics import median
 from typing import Any, Literal
@@ -15,10 +16,10 @@ import numpy as np
 from jaxtyping import UInt8
 
 from treadline.core.angles import DEG, radians_hint
-from treadline.core.camera_images import NamedFrame, RgbdFrame
+from treadline.core.camera_images import NamedFrame, PinholeCamera, RgbdFrame
 from treadline.core.errors import ImageError, SettingsError
 from treadline.core.printing import plain
-from treadline.perception.calibration_check import CalibrationCheck
+from treadline.perception.calibration_gate import FRAMES, CalibrationEvidence, calibration_evidence, gated
 from treadline.perception.detection import StairDetection, refused
 from treadline.perception.detector import DetectorConfig, StairDetector
 from treadline.perception.overlay import overlay, write_picture, write_stages
@@ -50,7 +51,7 @@ _NUMBER = re.compile(r"[+-]?\d+(\.\d+)?")
 
 
 class FrameEvaluator:
-    """Detector whose results are JSON values; it measures the processing time of each frame and checks the calibration over all."""
+    """Detector whose results are JSON values, with the time of each frame; frames of a faulty calibration are refused."""
 
     def __init__(self, method: Literal["paper", "robust"], threshold: ThresholdRule = "median", *, warm_up: bool = True) -> None:
         """Make the detector.
@@ -63,12 +64,31 @@ class FrameEvaluator:
         self._paper = PaperConfig(threshold=threshold)
         self._detector = StairDetector(DetectorConfig(method=method, paper=self._paper))
         self._loaded = not warm_up
-        self._check = CalibrationCheck()
+        self._evidence: dict[PinholeCamera, CalibrationEvidence] = {}
+        self._is_tested = False
+        """Whether evidence is complete before frames are evaluated; otherwise each evaluated frame adds its own."""
 
     @property
     def findings(self) -> list[str]:
-        """What of the calibration does not fit the frames so far, one sentence each."""
-        return self._check.findings
+        """Faults of the calibration, one sentence each."""
+        return [fault.text for evidence in self._evidence.values() if (fault := evidence.fault) is not None]
+
+    def tested(self, frames: Iterable[NamedFrame]) -> Iterator[NamedFrame]:
+        """Yield frames after the calibration has been tested on the first ``FRAMES``."""
+        rest = iter(frames)
+        first = list(islice(rest, FRAMES))
+        for named in first:
+            if named.frame is not None and self._method == "robust":
+                self._test(named, named.frame.camera, self._detector.look(named.frame, named.gravity_C))
+        self._is_tested = True
+        yield from chain(first, rest)
+
+    def _test(self, named: NamedFrame, camera: PinholeCamera, sight: StairDetection) -> None:
+        """Add the evidence of a frame, up to that of ``FRAMES`` frames of its camera."""
+        known = self._evidence.get(camera)
+        new = calibration_evidence(sight, camera, named.gravity_C) if known is None or known.frames < FRAMES else None
+        if new is not None:
+            self._evidence[camera] = new if known is None else known + new
 
     def evaluate(self, named: NamedFrame) -> tuple[StairDetection, dict[str, Any]]:
         """Return the detection in a frame, and its values with the keys of the JSON output.
@@ -86,7 +106,9 @@ class FrameEvaluator:
         started = time.perf_counter()
         sight = self._detector.look(named.frame, named.gravity_C)
         spent_ms = (time.perf_counter() - started) * 1e3
-        self._check.add(named.frame.camera, sight, named.gravity_C)
+        if not self._is_tested:
+            self._test(named, named.frame.camera, sight)
+        sight = gated(sight, self._evidence.get(named.frame.camera))
         return sight, _answer(named, sight, spent_ms, SQUARE_DEG[self._method])
 
     def write_pictures(self, named: NamedFrame, sight: StairDetection, folder: Path) -> None:

@@ -1,0 +1,254 @@
+"""Calibration gate: orientation of images, focal length, image size, mount and depth scale, tested before a heading is used.
+
+``StairDetection, PinholeCamera, gravity -> CalibrationEvidence -> Fault | None``. Floors and treads are horizontal, walls and
+risers vertical. With a wrong pinhole model, a plane has the normal Mᵀn, with a matrix M of both models. So a wrong focal length
+tilts treads and risers against each other, a wrong mount tilts both alike, and leaning risers or a sloping floor tilt one kind
+alone. Each frame adds linear equations of these errors, each hypothesis is a prior of their sizes, and the summed normal equations
+give its Bayesian evidence in closed form. A depth scale leaves all angles: the camera's height above the floor shows it.
+
+A mirrored image shows its roll with the wrong sign. Frames without roll do not show it, and a roll that is the same in all frames
+can be an error of the mount. A focal length shows best at a camera pitch of 45°, and only with treads and risers in view.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from treadline.core.angles import DEG
+from treadline.core.arrays import cross
+from treadline.core.camera_images import PinholeCamera
+from treadline.core.rotations import Vector3, rotation_z
+from treadline.perception._gravity_direction import BUNDLE, levelled
+from treadline.perception.detection import StairDetection, refused
+
+FRAMES = 20
+"""Number of frames on which the gate decides: a systematic error of 0.5° outweighs the noise of more."""
+DECIDED = 3.0
+"""Log-odds of a fault against all other hypotheses above which frames are refused [nats]: 20 to 1."""
+BLOCKS = 200
+"""Number of blocks that show how an image is turned; three times as many show the tilt of level surfaces."""
+SEARCHED = 18.0 * DEG
+"""Largest angle of a block's normal from vertical or horizontal [rad]: a focal length 40 % off tilts treads and risers by 9.5°."""
+FACING, RISER_BLOCKS = 0.5, 150
+"""Least z of the normal of a vertical block that faces the camera, because focal length and lean do not tilt side walls; and least
+number of such blocks, those of a riser 1 m wide at 2 m: the front edges of open treads are blends of planes."""
+AGREEMENT, OUTLIERS, SURFACES = 7.0 * DEG, 0.2, 8.0
+"""Standard deviation of a block's angle from vertical or horizontal [rad], fraction of blocks on neither, and number of independent
+surfaces in a frame, for the orientation of images."""
+SURFACE_SIGMA = 0.6 * DEG
+"""Standard deviation of the angle between surfaces and gravity in one frame [rad]: on 23 lifelike frames, each with another stair
+and camera, the median deviation was 0.4°."""
+TOLERATED = np.array([0.01, *np.array([0.5, 0.5, 0.3, 0.3, 0.3, 0.5]) * DEG])
+"""Standard deviations of the errors of a sound calibration and a usual building: relative focal length; pitch and roll of the
+mount, with those of gravity; slope of level surfaces along x, y and z of C, 1 % of it for drainage; lean of risers [rad]."""
+OFF_CENTRE = 0.05
+"""Least offset of the principal point from the middle, in image widths, of a calibration of another image size: five times that of
+shipped cameras."""
+UPRIGHT_LEAST = 0.5
+"""Least part of gravity in the image plane by which a turned camera is seen: cameras look at most 60° down."""
+LEVEL, HEIGHT_SIGMA_M, HEIGHT_FRAMES = 3.0 * DEG, 0.03, 5
+"""Largest angle of a level chair from gravity [rad]; standard deviation of the camera's height above its floor [m], by a mount that
+is measured by hand, and 0.5° at 1.5 m; least number of frames, whose median has two outliers to spare."""
+
+Cause = Literal["turned", "mirrored", "focal length", "image size", "mount", "depth scale"]
+UPSIDE_DOWN, MIRRORED, RESIZED = 2, 4, 5
+"""Transforms of an image, of which the first four are its quarter turns. At a camera pitch of 45°, treads that are upside down look
+like risers and risers like treads, and at 40° like a mount that is 10° off: this turn is a hypothesis of its own."""
+KINDS = [3, 6]
+"""Errors that only level surfaces and only vertical ones show."""
+HYPOTHESES: tuple[tuple[Cause | None, int, dict[int, float]], ...] = (
+    (None, 0, {}),
+    (None, 0, dict.fromkeys((3, 4, 5), 8.0 * DEG)),
+    (None, 0, {6: 8.0 * DEG}),
+    ("focal length", 0, {0: 0.25}),
+    ("mount", 0, {1: 5.0 * DEG}),
+    ("mount", 0, {2: 5.0 * DEG}),
+    ("mount", 0, {1: 5.0 * DEG, 2: 5.0 * DEG}),
+    ("turned", UPSIDE_DOWN, {}),
+    ("mirrored", MIRRORED, {}),
+    ("image size", RESIZED, {0: 0.25}),
+)
+"""Cause of each hypothesis, transform of the image, and standard deviations that differ from ``TOLERATED``. A sloping floor, as a
+ramp of 8°, and leaning risers are no faults."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fault:
+    """Fault of a calibration."""
+
+    cause: Cause
+    text: str
+    """Sentence with the figure and the value to set."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CalibrationEvidence:
+    """Sums over frames of one camera; the evidence of frames is added."""
+
+    camera: PinholeCamera
+    frames: int
+    agreement: Float[np.ndarray, " 6"]
+    """Log-likelihood of the normals in each transform of the image."""
+    quarters: Int[np.ndarray, " 4"]
+    """Number of frames by quarter turns of gravity from the mount's."""
+    gram: Float[np.ndarray, "6 8 8"]
+    """Normal equations of the errors of ``TOLERATED``, with the right side last, in each transform."""
+    below_m: tuple[float, ...]
+    """Height of the camera above the floor in each frame that shows it [m]."""
+
+    def __add__(self, other: "CalibrationEvidence") -> "CalibrationEvidence":
+        """Return the evidence of all frames."""
+        sums = {name: getattr(self, name) + getattr(other, name) for name in ("frames", "agreement", "quarters", "gram", "below_m")}
+        return replace(self, **sums)
+
+    @property
+    def fault(self) -> Fault | None:
+        """The fault that is decided; None without one."""
+        lead = self.agreement - self.agreement[[0, MIRRORED, RESIZED]].max()
+        sideways = int(lead[1:4:2].argmax()) * 2 + 1
+        if self.quarters.argmax() or lead[sideways] > DECIDED:
+            return self._turned(int(self.quarters.argmax()) or sideways)
+        tried = [one for one in HYPOTHESES if one[1] != RESIZED or _is_off_centre(self.camera)]
+        logs, misfits, errors = zip(*(_posterior(self.gram[at], wide) for _, at, wide in tried), strict=True)
+        logs = np.array(logs) + [lead[at] if at == UPSIDE_DOWN else 0.0 for _, at, _ in tried]
+        found = int(np.argmax(logs))
+        # Frames that no hypothesis explains have larger deviations than assumed.
+        odds = np.exp((logs - logs[found]) / max(1.0, misfits[found] / (3 * self.frames)))
+        cause = tried[found][0]
+        others = sum(odd for odd, one in zip(odds, tried, strict=True) if one[0] != cause)
+        if cause is None or others > math.exp(-DECIDED):
+            return self._depth_scale()
+        if cause == "turned":
+            return self._turned(UPSIDE_DOWN)
+        return self._fault(cause, self._remedy(cause, *errors[found][:3].tolist()))
+
+    def _turned(self, quarter: int) -> Fault:
+        roll_deg = self.camera.mount_roll_rad / DEG
+        remedy = f"set mount_roll_deg to {(roll_deg - 90.0 * quarter + 180.0) % 360.0 - 180.0:.0f} (is {roll_deg:.0f})"
+        return self._fault("turned", f"images are turned clockwise by {90 * quarter}° from gravity; turn them back, or {remedy}")
+
+    def _fault(self, cause: Cause, text: str) -> Fault:
+        return Fault(cause=cause, text=f"{text}: {self.frames} frame{'s' * (self.frames > 1)}")
+
+    def _remedy(self, cause: Cause, longer: float, pitch_rad: float, roll_rad: float) -> str:
+        camera = self.camera
+        if cause == "mirrored":
+            return "images are mirrored: floor and risers roll against gravity; exchange left and right"
+        if cause == "mount":
+            pitch_deg, roll_deg = camera.mount_pitch_rad / DEG, camera.mount_roll_rad / DEG
+            return (
+                f"treads and risers are pitched by {pitch_rad / DEG:+.1f}° and rolled by {roll_rad / DEG:+.1f}° from gravity; set "
+                f"mount_pitch_deg to {pitch_deg + pitch_rad / DEG:.1f} (is {pitch_deg:.1f}) and mount_roll_deg to "
+                f"{roll_deg + roll_rad / DEG:.1f} (is {roll_deg:.1f}), or correct gravity"
+            )
+        resized = _transforms(camera)[RESIZED, 0, 0] if cause == "image size" else 1.0
+        fx, fy = (resized * focal / math.exp(longer) for focal in (camera.fx_px, camera.fy_px))
+        text = f"focal length {abs(camera.fx_px / fx - 1.0):.0%} too {'long' if fx < camera.fx_px else 'short'}; "
+        if cause == "image size":
+            cx, cy = 0.5 * (camera.width_px - 1), 0.5 * (camera.height_px - 1)
+            text = f"calibration of another image size; set cx to {cx} (is {camera.cx_px:g}), cy to {cy} (is {camera.cy_px:g}), "
+        return f"{text}set fx to {fx:.0f} (is {camera.fx_px:.0f}) and fy to {fy:.0f} (is {camera.fy_px:.0f})"
+
+    def _depth_scale(self) -> Fault | None:
+        if len(self.below_m) < HEIGHT_FRAMES:
+            return None
+        below_m, height_m = float(np.median(self.below_m)), self.camera.mount_m[2]
+        if abs(below_m - height_m) < DECIDED * HEIGHT_SIGMA_M:
+            return None
+        scale = f"multiply the depth scale (depth_unit_m) by {height_m / below_m:.2f}"
+        return self._fault("depth scale", f"the floor is {below_m:.2f} m below the camera, mount_m says {height_m:.2f}; {scale}")
+
+
+def calibration_evidence(sight: StairDetection, camera: PinholeCamera, gravity_C: Vector3 | None) -> CalibrationEvidence | None:
+    """Return the evidence of one frame, accepted or not; None without planar blocks or gravity."""
+    if gravity_C is None or sight.blocks is None or not 0.0 < float(np.linalg.norm(gravity_C)) < math.inf:
+        return None
+    down = gravity_C / np.linalg.norm(gravity_C)
+    few = sight.blocks.unit[:: max(1, len(sight.blocks.unit) // BLOCKS)]
+    turned = few @ _transforms(camera)
+    squares = np.square(turned @ down) / np.einsum("tbi,tbi->tb", turned, turned)
+    off = np.minimum(squares, 1.0 - squares) / AGREEMENT**2
+    agreement = np.log((1.0 - OUTLIERS) * np.exp(-0.5 * off) + OUTLIERS).mean(axis=1)
+    quarters, gram, level_C = np.zeros(4, np.int64), np.zeros((6, 8, 8)), -camera.R_BC[2]
+    if min(math.hypot(*down[:2]), math.hypot(*level_C[:2])) >= UPRIGHT_LEAST:
+        turned = math.atan2(down[1], down[0]) - math.atan2(level_C[1], level_C[0])
+        quarters[round(turned / (0.5 * math.pi)) % 4] = 1
+    for at in (0, UPSIDE_DOWN, MIRRORED, RESIZED)[: 4 if _is_off_centre(camera) else 3]:
+        gram[at] = _equations(sight.blocks.unit @ _transforms(camera)[at], camera, down)
+        if np.count_nonzero(gram[at, KINDS, KINDS]) < np.count_nonzero(gram[0, KINDS, KINDS]):
+            # A kind of surfaces that a transform makes neither level nor vertical.
+            gram[at, 7, 7] += (SEARCHED / SURFACE_SIGMA) ** 2
+    below_m = _below_m(sight, camera, float(level_C @ down))
+    return CalibrationEvidence(
+        camera=camera, frames=1, agreement=SURFACES * agreement, quarters=quarters, gram=gram, below_m=below_m
+    )
+
+
+def gated(sight: StairDetection, evidence: CalibrationEvidence | None) -> StairDetection:
+    """Return the detection, refused where its calibration has a fault."""
+    fault = None if evidence is None else evidence.fault
+    return sight if fault is None else refused(fault.text)
+
+
+@lru_cache(maxsize=8)
+def _transforms(camera: PinholeCamera) -> Float[np.ndarray, "6 3 3"]:
+    """Return the matrices M of images turned clockwise by quarter turns, mirrored, and of another size than the calibration's."""
+    found = np.stack([rotation_z(0.5 * math.pi * quarter) for quarter in range(4)] + 2 * [np.eye(3)])
+    fx, fy, cx, cy = camera.pinhole
+    off = np.array([(camera.width_px - 1 - 2.0 * cx) / fx, (camera.height_px - 1 - 2.0 * cy) / fy])
+    found[MIRRORED, 0] = -1.0, 0.0, off[0]
+    found[RESIZED, :2] *= camera.height_px / (2.0 * cy + 1.0)
+    found[RESIZED, :2, 2] = 0.5 * off
+    return found
+
+
+def _is_off_centre(camera: PinholeCamera) -> bool:
+    off_px = math.hypot(camera.width_px - 1 - 2.0 * camera.cx_px, camera.height_px - 1 - 2.0 * camera.cy_px)
+    return off_px > 2.0 * OFF_CENTRE * camera.width_px
+
+
+def _equations(normals: Float[np.ndarray, "b 3"], camera: PinholeCamera, down: Vector3) -> Float[np.ndarray, "8 8"]:
+    """Return the normal equations of the mean normals of level surfaces and of vertical ones that face the camera.
+
+    Mean normals: in the equation of a single block, the noise of its normal would be on both sides.
+    """
+    lateral_C = camera.R_BC.T @ [-math.sin(camera.mount_yaw_rad), math.cos(camera.mount_yaw_rad), 0.0]
+    tilts = np.stack([cross(down, lateral_C), cross(down, np.array([0.0, 0.0, 1.0]))])
+    rows, unit = np.zeros((4, 8)), normals / np.sqrt(np.einsum("bi,bi->b", normals, normals))[:, None]
+    level, leans = levelled(down, unit[:: max(1, len(unit) // (3 * BLOCKS))], SEARCHED), unit @ down
+    if level is not down:
+        rows[:3, 0] = down * [1.0, 1.0, 0.0] - float(down[:2] @ down[:2]) * down
+        rows[:3, 1:3], rows[:3, 3:6], rows[:3, 7] = tilts.T, np.eye(3), level - down
+    facing = (np.abs(leans) < math.sin(SEARCHED)) & (np.abs(unit[:, 2]) > FACING)
+    count = int(np.count_nonzero(facing))
+    if count >= RISER_BLOCKS:
+        n = unit[facing & (np.abs(leans - np.median(leans[facing])) < BUNDLE)].mean(axis=0)
+        rows[3, 0], rows[3, 1:3], rows[3, 6:] = -n[2] * down[2], -tilts @ n, (1.0, n @ down)
+        rows[3] *= SURFACE_SIGMA / math.hypot(SURFACE_SIGMA, float(np.std(leans[facing])) / math.sqrt(count))
+    return np.asarray(rows.T @ rows / SURFACE_SIGMA**2)
+
+
+def _posterior(gram: Float[np.ndarray, "8 8"], wide: dict[int, float]) -> tuple[float, float, Float[np.ndarray, " 7"]]:
+    """Return the log-evidence of a hypothesis, its least misfit (χ² with the prior's) and the mean errors."""
+    sigmas = TOLERATED.copy()
+    sigmas[list(wide)] = list(wide.values())
+    # In units of the prior's standard deviations.
+    information = np.eye(7) + sigmas[:, None] * gram[:7, :7] * sigmas
+    errors = np.linalg.solve(information, sigmas * gram[:7, 7])
+    misfit = float(gram[7, 7] - (sigmas * gram[:7, 7]) @ errors)
+    return -0.5 * (misfit + float(np.linalg.slogdet(information)[1])), misfit, sigmas * errors
+
+
+def _below_m(sight: StairDetection, camera: PinholeCamera, levelness: float) -> tuple[float, ...]:
+    """Return the height of a level chair's camera above the floor before a flight that rises; nothing without one."""
+    if sight.parts is None or sight.axes is None or sight.shape is None or sight.shape.direction != "up":
+        return ()
+    if levelness < math.cos(LEVEL) or camera.mount_m[2] <= 0.0 or not sight.parts.treads:
+        return ()
+    below_m, height_m = max(float(tread.centre @ sight.axes.down_C) for tread in sight.parts.treads), camera.mount_m[2]
+    # The floor itself may be hidden below the camera: then it is whole rises below the lowest tread in view.
+    return (below_m + max(0, round((height_m - below_m) / sight.shape.rise_m)) * sight.shape.rise_m,)
