@@ -119,12 +119,7 @@ def tallies(bases: list[KnownFrame], looks: int, rng: np.random.Generator) -> di
 
 
 def gate_rows(first: int, folders: int) -> Iterator[str]:
-    """Yield a row per fault: the causes that the gate gives for folders and for their frames."""
-    for scene in ("foot", "up"):
-        sound = [drawn_folder(seed, scene, FOLDER_FRAMES) for seed in range(first, first + folders)]
-        for fault in FAULTS:
-            found = [[_evidence(with_fault(known, fault)) for known in folder] for folder in sound]
-            yield _gate_row(f"{fault}, {scene}", FAULTS[fault], found)
+    """Yield the rows of sound folders and of each fault: the causes that the gate gives for folders and for their frames."""
     kinds: tuple[Kind, ...] = ("plain", "smaller", "cropped", "mirrored")
     rng = np.random.default_rng(first)
     recorded = [known for known in recorded_frames() if known.gravity_C is not None]
@@ -133,6 +128,11 @@ def gate_rows(first: int, folders: int) -> Iterator[str]:
     many = range(first + folders, first + 11 * folders)
     drawn = (drawn_folder(seed, SOUND_SCENES[seed % len(SOUND_SCENES)], SOUND_FRAMES) for seed in many)
     yield _gate_row("sound, drawn", None, [[_evidence(known) for known in folder] for folder in drawn])
+    for scene in ("foot", "up"):
+        sound = [drawn_folder(seed, scene, FOLDER_FRAMES) for seed in range(first, first + folders)]
+        for fault in FAULTS:
+            found = [[_evidence(with_fault(known, fault)) for known in folder] for folder in sound]
+            yield _gate_row(f"{fault}, {scene}", FAULTS[fault], found)
 
 
 def _evidence(known: KnownFrame) -> CalibrationEvidence | None:

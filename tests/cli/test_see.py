@@ -83,6 +83,17 @@ def test_a_recorded_frame_gives_the_heading_and_all_keys(run, folder: Path) -> N
     assert seen["stair"]["run_m"] == pytest.approx(0.30, abs=0.01)
 
 
+def test_turned_images_are_refused_with_the_value_to_set(run, folder: Path) -> None:
+    depth = cv2.imread(str(folder / "a_depth.png"), cv2.IMREAD_UNCHANGED)
+    write_depth(folder / "a_depth.png", depth[::-1, ::-1])
+    outcome = run("see", folder, "--json")
+    (frame,), (finding,) = outcome.values["frames"], outcome.values["calibration"]
+    assert frame["heading_deg"] is None
+    assert frame["reason"] == finding
+    assert finding.startswith("images are turned clockwise by 180° from gravity; turn them back")
+    assert run("see", *pair(folder), f"--gravity={gravity(folder)}", "--json").values["reason"] == finding
+
+
 @pytest.mark.parametrize("with_gravity", [True, False])
 def test_without_a_mount_the_heading_is_said_to_be_the_cameras_own(run, folder: Path, with_gravity: bool) -> None:
     known = run("see", *pair(folder), "--json").values

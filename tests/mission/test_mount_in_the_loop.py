@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any
 
@@ -143,6 +143,24 @@ def test_wrong_imu_axes_are_reported_with_the_angle_and_the_heading_is_not_used(
     outcome = driven(by_the_block(), 8.0, imu=imu)
     assert outcome.errors == []
     assert outcome.maps == 0
-    (event,) = outcome.events
+    # An IMU that is rolled by a quarter turn is also a camera that is.
+    *others, event = outcome.events
+    assert [other.name for other in others] == ["camera_calibration"] * int(imu[0, 0] == 1.0)
     assert event.name == "imu_axes"
     assert event.cause.endswith("off gravity: IMU axes?")
+
+
+def test_a_faulty_calibration_is_reported_before_the_first_heading() -> None:
+    block = by_the_block()
+
+    def upside_down(reading: ImuSample | TrackReading | RgbdFrame) -> list[object]:
+        if isinstance(reading, RgbdFrame):
+            reading = replace(reading, depth_m=np.ascontiguousarray(reading.depth_m[::-1, ::-1]))
+        return block(reading)
+
+    outcome = driven(upside_down, 4.0)
+    assert outcome.errors == []
+    assert outcome.maps == 0
+    (event,) = outcome.events
+    assert event.name == "camera_calibration"
+    assert event.cause.startswith("images are turned clockwise by 180° from gravity; turn them back")

@@ -27,6 +27,8 @@ from treadline.perception.detection import StairDetection, refused
 
 FRAMES = 20
 """Number of frames on which the gate decides: a systematic error of 0.5° outweighs the noise of more."""
+RARE = math.log(0.1)
+"""Prior log-odds of leaning risers or a sloping floor against an upright building, an assumption: one in ten."""
 DECIDED = 3.0
 """Log-odds of a fault against all other hypotheses above which frames are refused [nats]: 20 to 1."""
 BLOCKS = 200
@@ -55,9 +57,9 @@ LEVEL, HEIGHT_SIGMA_M, HEIGHT_FRAMES = 3.0 * DEG, 0.03, 5
 is measured by hand, and 0.5° at 1.5 m; least number of frames, whose median has two outliers to spare."""
 
 Cause = Literal["turned", "mirrored", "focal length", "image size", "mount", "depth scale"]
-UPSIDE_DOWN, MIRRORED, RESIZED = 2, 4, 5
-"""Transforms of an image, of which the first four are its quarter turns. At a camera pitch of 45°, treads that are upside down look
-like risers and risers like treads, and at 40° like a mount that is 10° off: this turn is a hypothesis of its own."""
+MIRRORED, RESIZED = 4, 5
+"""Transforms of an image after its four quarter turns. At a camera pitch of 45°, treads that are upside down look like risers and
+risers like treads; at 40°, like a mount that is 10° off; at 0°, side walls that are turned by 90° look like a floor."""
 KINDS = [3, 6]
 """Errors that only level surfaces and only vertical ones show."""
 HYPOTHESES: tuple[tuple[Cause | None, int, dict[int, float]], ...] = (
@@ -68,7 +70,7 @@ HYPOTHESES: tuple[tuple[Cause | None, int, dict[int, float]], ...] = (
     ("mount", 0, {1: 5.0 * DEG}),
     ("mount", 0, {2: 5.0 * DEG}),
     ("mount", 0, {1: 5.0 * DEG, 2: 5.0 * DEG}),
-    ("turned", UPSIDE_DOWN, {}),
+    *(("turned", quarter, {}) for quarter in (1, 2, 3)),
     ("mirrored", MIRRORED, {}),
     ("image size", RESIZED, {0: 0.25}),
 )
@@ -108,13 +110,14 @@ class CalibrationEvidence:
     @property
     def fault(self) -> Fault | None:
         """The fault that is decided; None without one."""
+        if self.quarters.argmax():
+            return self._turned(int(self.quarters.argmax()))
         lead = self.agreement - self.agreement[[0, MIRRORED, RESIZED]].max()
-        sideways = int(lead[1:4:2].argmax()) * 2 + 1
-        if self.quarters.argmax() or lead[sideways] > DECIDED:
-            return self._turned(int(self.quarters.argmax()) or sideways)
-        tried = [one for one in HYPOTHESES if one[1] != RESIZED or _is_off_centre(self.camera)]
+        lead[[0, MIRRORED, RESIZED]] = 0.0
+        # A transform without level surfaces in most frames explains nothing.
+        tried = [one for one in HYPOTHESES if one[1] == 0 or self.gram[one[1], 3, 3] > 0.5 * self.frames / SURFACE_SIGMA**2]
         logs, misfits, errors = zip(*(_posterior(self.gram[at], wide) for _, at, wide in tried), strict=True)
-        logs = np.array(logs) + [lead[at] if at == UPSIDE_DOWN else 0.0 for _, at, _ in tried]
+        logs = np.array(logs) + [lead[at] + RARE * (cause is None and len(wide) > 0) for cause, at, wide in tried]
         found = int(np.argmax(logs))
         # Frames that no hypothesis explains have larger deviations than assumed.
         odds = np.exp((logs - logs[found]) / max(1.0, misfits[found] / (3 * self.frames)))
@@ -123,7 +126,7 @@ class CalibrationEvidence:
         if cause is None or others > math.exp(-DECIDED):
             return self._depth_scale()
         if cause == "turned":
-            return self._turned(UPSIDE_DOWN)
+            return self._turned(tried[found][1])
         return self._fault(cause, self._remedy(cause, *errors[found][:3].tolist()))
 
     def _turned(self, quarter: int) -> Fault:
@@ -177,11 +180,13 @@ def calibration_evidence(sight: StairDetection, camera: PinholeCamera, gravity_C
     if min(math.hypot(*down[:2]), math.hypot(*level_C[:2])) >= UPRIGHT_LEAST:
         turned = math.atan2(down[1], down[0]) - math.atan2(level_C[1], level_C[0])
         quarters[round(turned / (0.5 * math.pi)) % 4] = 1
-    for at in (0, UPSIDE_DOWN, MIRRORED, RESIZED)[: 4 if _is_off_centre(camera) else 3]:
+    unmirrored = [0, *(quarter for quarter in (1, 2, 3) if agreement[quarter] > agreement[0])]
+    tried = [*unmirrored, MIRRORED, *([RESIZED] if _is_off_centre(camera) else [])]
+    for at in tried:
         gram[at] = _equations(sight.blocks.unit @ _transforms(camera)[at], camera, down)
-        if np.count_nonzero(gram[at, KINDS, KINDS]) < np.count_nonzero(gram[0, KINDS, KINDS]):
-            # A kind of surfaces that a transform makes neither level nor vertical.
-            gram[at, 7, 7] += (SEARCHED / SURFACE_SIGMA) ** 2
+    kinds = np.count_nonzero(gram[:, KINDS, KINDS], axis=1)
+    # Surfaces of a kind that one transform makes level or vertical and another does not are far off in the other.
+    gram[tried, 7, 7] += (kinds[tried] < kinds[unmirrored].max()) * (SEARCHED / SURFACE_SIGMA) ** 2
     below_m = _below_m(sight, camera, float(level_C @ down))
     return CalibrationEvidence(
         camera=camera, frames=1, agreement=SURFACES * agreement, quarters=quarters, gram=gram, below_m=below_m
@@ -226,8 +231,10 @@ def _equations(normals: Float[np.ndarray, "b 3"], camera: PinholeCamera, down: V
     facing = (np.abs(leans) < math.sin(SEARCHED)) & (np.abs(unit[:, 2]) > FACING)
     count = int(np.count_nonzero(facing))
     if count >= RISER_BLOCKS:
-        n = unit[facing & (np.abs(leans - np.median(leans[facing])) < BUNDLE)].mean(axis=0)
-        rows[3, 0], rows[3, 1:3], rows[3, 6:] = -n[2] * down[2], -tilts @ n, (1.0, n @ down)
+        # The median: blocks over the edge of a tread lean towards its normal.
+        lean = float(np.median(leans[facing]))
+        n = unit[facing & (np.abs(leans - lean) < BUNDLE)].mean(axis=0)
+        rows[3, 0], rows[3, 1:3], rows[3, 6:] = -n[2] * down[2], -tilts @ n, (1.0, lean)
         rows[3] *= SURFACE_SIGMA / math.hypot(SURFACE_SIGMA, float(np.std(leans[facing])) / math.sqrt(count))
     return np.asarray(rows.T @ rows / SURFACE_SIGMA**2)
 
