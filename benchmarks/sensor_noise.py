@@ -49,7 +49,7 @@ def smooth_noise(shape: tuple[int, int], sigma_px: float, rng: np.random.Generat
 
 
 def hidden_from_second(disparity_px: Image) -> Bool[np.ndarray, "h w"]:
-    """Return noise of unit deviation that neighbouring pixels share."""
+    """Return the pixels that the second optic, to the right of the first, cannot see: a nearer one further right hides them."""
     columns = np.arange(disparity_px.shape[1]) - np.nan_to_num(disparity_px)
     nearest = np.minimum.accumulate(columns[:, ::-1], axis=1)[:, ::-1]
     return columns > nearest + 0.5
