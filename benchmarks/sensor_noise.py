@@ -31,8 +31,10 @@ STEREO_BASELINE_M, KINECT_BASELINE_M = 0.05, 0.075
 STEREO_PX, STEREO_STEP_PX, STEREO_WINDOW_PX = 0.08, 1.0 / 32.0, 7
 """Standard deviation of the disparity of active stereo, its unit and the matching window [px]. The tuning guide of the D400 series
 (Grunnet-Jepsen, Sweetser and Woodfill) has 0.05 px on textured walls; with the pattern alone 0.08 px is usual."""
-KINECT_PX, KINECT_STEP_PX, KINECT_WINDOW_PX = 0.0625, 1.0 / 8.0, 9
-"""The same for a Kinect 1: half of its unit of 1/8 px (Khoshelham and Elberink, Sensors 12, 2012), and windows of 9 px."""
+KINECT_PX, KINECT_STEP_PX = 0.0625, 1.0 / 8.0
+"""The same for a Kinect 1: half of its unit of 1/8 px (Khoshelham and Elberink, Sensors 12, 2012)."""
+PATCHES_PX = (2.5, 10.0, 40.0)
+"""Scales of the errors of a disparity [px]: a matching window, bumps of flat walls in recordings, and what calibration leaves."""
 GRAZING = (0.05, 0.25)
 """Cosines of the angle between ray and normal at which no pixel, and every pixel, of structured light has a depth."""
 TOF_SHARE, TOF_BASE_M, ALBEDO, CELL_PX = 0.0025, 0.002, 0.3, 16
@@ -43,9 +45,15 @@ JUMP_SHARE = 0.03
 
 
 def smooth_noise(shape: tuple[int, int], sigma_px: float, rng: np.random.Generator) -> Image:
-    """Return noise of unit standard deviation whose neighbouring pixels agree over a distance."""
-    noise = gaussian_filter(rng.standard_normal(shape), sigma_px)
-    return noise / noise.std()
+    """Return noise of unit deviation that neighbouring pixels share."""
+    coarse = max(1, int(0.5 * sigma_px))
+    noise = gaussian_filter(rng.standard_normal([-(-side // coarse) for side in shape]), sigma_px / coarse)
+    return (zoom(noise, coarse, order=1) if coarse > 1 else noise)[: shape[0], : shape[1]] / noise.std()
+
+
+def patchy_noise(shape: tuple[int, int], rng: np.random.Generator) -> Image:
+    """Return noise of unit deviation, a third of whose variance is alike over a matching window, over patches and over regions."""
+    return np.asarray(sum(smooth_noise(shape, scale_px, rng) for scale_px in PATCHES_PX) / np.sqrt(len(PATCHES_PX)))
 
 
 def hidden_from_second(disparity_px: Image) -> Bool[np.ndarray, "h w"]:
@@ -72,8 +80,7 @@ def active_stereo(image: ExactImage, rng: np.random.Generator) -> Image:
     is_fat = smooth_noise(depth_m.shape, 2.0, rng) > 0.0
     seen = np.where(is_fat & edges_of(grey_dilation(depth_m, 3)), grown, disparity)
     hidden = hidden_from_second(disparity)
-    half = STEREO_PX / np.sqrt(2.0)
-    seen = seen + half * (rng.standard_normal(depth_m.shape) + smooth_noise(depth_m.shape, STEREO_WINDOW_PX / 3.0, rng))
+    seen = seen + STEREO_PX * patchy_noise(depth_m.shape, rng)
     seen = np.round(seen / STEREO_STEP_PX) * STEREO_STEP_PX
     return np.where(hidden | (seen < 1.0), np.nan, STEREO_BASELINE_M * image.focal_px / np.maximum(seen, 1.0))
 
@@ -86,8 +93,7 @@ def structured_light(image: ExactImage, rng: np.random.Generator) -> Image:
     """
     depth_m = image.depth_m
     disparity = KINECT_BASELINE_M * image.focal_px / depth_m
-    noise = 0.5 * rng.standard_normal(depth_m.shape) + smooth_noise(depth_m.shape, KINECT_WINDOW_PX / 3.0, rng)
-    seen = disparity + KINECT_PX * noise / np.sqrt(1.25)
+    seen = disparity + KINECT_PX * patchy_noise(depth_m.shape, rng)
     seen = np.round(seen / KINECT_STEP_PX) * KINECT_STEP_PX
     facing = np.abs(np.sum(image.rays * image.normals, axis=-1)) / np.linalg.norm(image.rays, axis=-1)
     lost = (facing - GRAZING[0]) / (GRAZING[1] - GRAZING[0]) < rng.random(depth_m.shape)

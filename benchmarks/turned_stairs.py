@@ -25,9 +25,12 @@ from treadline.core.camera_images import PinholeCamera, RgbdFrame, black
 from treadline.core.rotations import Rotation, Vector3, rotation_y, rotation_z
 from treadline.scenario.chair import read_chair
 
+Array = np.ndarray
 Kind = Literal["step", "winder", "landing", "kerb", "drop"]
-WALL_M, DEEP_M = 0.1, 0.3
-"""Thickness of walls, and depth of solids below the floor [m]."""
+WALL_M, DEEP_M, FAR_M, STRAIGHT_M = 0.1, 0.3, 12.0, 1e6
+"""Thickness of walls, depth of solids below the floor, range of all sensors, and radius of a straight flight [m]."""
+JITTER_M = 0.002
+"""Standard deviation of a rise [m]: ten rises then differ by 6 mm, within the ±5 mm of DIN 18065."""
 GRAVITY_DEG = 0.3
 """Standard deviation of gravity about each horizontal axis [deg]."""
 STAIRS = ("straight", "quarter landing", "3 winders", "4 winders", "5 winders", "half landing")
@@ -113,33 +116,31 @@ class TrueStep:
 class StepFrame:
     """Frame with gravity as measured, and ground truth."""
 
-    name: str
     frame: RgbdFrame
     gravity_C: Vector3
     true_gravity_C: Vector3
     steps: tuple[TrueStep, ...]
     camera_at: tuple[float, float, float]
     """Place of the camera right of, ahead of and above mid-track: ``edge + camera_at[:2]`` is in the chair's axes."""
-    on_flight: bool
 
-    @property
-    def turn(self) -> int | None:
-        """Index of the first step whose edge or depth is not that of a straight flight; None without one."""
-        found = (n for n, step in enumerate(self.steps) if step.kind in ("winder", "landing"))
-        return next(found, None)
+    def heading_to(self, step: TrueStep) -> float:
+        """Return the heading of the chair to a step in the chair's own axes, which are inclined on a flight [rad]."""
+        right, ahead = step.edge[1] - step.edge[0]
+        edge_B = plan_axes(self.frame.camera, self.true_gravity_C).T @ [ahead, -right]
+        return math.atan2(-edge_B[0], -edge_B[1])
+
+
+def plan_axes(camera: PinholeCamera, gravity_C: Vector3) -> Float[np.ndarray, "2 3"]:
+    """Return the horizontal unit vectors ahead and to the left of the chair in B."""
+    up = -camera.R_BC @ gravity_C
+    ahead = np.array([1.0, 0.0, 0.0]) - up[0] * up
+    ahead /= np.linalg.norm(ahead)
+    return np.array([ahead, np.cross(up, ahead)])
 
 
 @numba.njit
-def clip(
-    spaces: np.ndarray,
-    starts: np.ndarray,
-    boxes: np.ndarray,
-    origin: np.ndarray,
-    rays: np.ndarray,
-    depth: np.ndarray,
-    face: np.ndarray,
-) -> None:
-    """Write the nearest depth and its face into images: rays are clipped by the half-spaces of each solid within its image box."""
+def clip(spaces: Array, starts: Array, boxes: Array, origin: Array, rays: Array, depth: Array, face: Array) -> None:
+    """Write the nearest depth and its face into images, from rays clipped by the half-spaces of each solid in its image box."""
     for solid in range(len(boxes)):
         first, last = starts[solid], starts[solid + 1]
         for v in range(boxes[solid, 1], boxes[solid, 3]):
@@ -155,6 +156,8 @@ def clip(
                         leave = min(leave, gap / rate)
                     elif rate == 0.0 and gap < 0.0:
                         leave = 0.0
+                    if enter >= leave:
+                        break
                 if entered >= 0 and enter < leave:
                     depth[v, u], face[v, u] = enter, entered
 
@@ -172,6 +175,9 @@ def render(
         points = (solid.corners - p_WC) @ R_WC
         near = points[:, 2].min() < 0.05
         pixels = np.array(camera.pinhole[:2]) * points[:, :2] / np.maximum(points[:, 2:], 0.05) + np.array(camera.pinhole[2:])
+        if points[:, 2].max() < 0.05:
+            box[:] = 0  # behind the camera
+            continue
         box[:2] = 0 if near else np.clip(np.floor(pixels.min(axis=0)), 0, size)
         box[2:] = size if near else np.clip(np.ceil(pixels.max(axis=0)) + 1, 0, size)
     depth, face = np.full(rays.shape[:2], np.inf), np.zeros(rays.shape[:2], np.int64)
@@ -192,67 +198,46 @@ def wall(a: Float[np.ndarray, "2"], b: Float[np.ndarray, "2"], high_m: float) ->
     return Prism(outline=np.array([a, a + out, b + out, b]), low_m=-DEEP_M, high_m=high_m)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Level:
-    """Level behind an edge in axes of the way: its kind, outline, edge, and its borders at the right and the left."""
-
-    kind: Kind
-    edge: list[tuple[float, float]]
-    outline: list[tuple[float, float]]
-    right: list[tuple[float, float]]
-    left: list[tuple[float, float]]
-
-
+Pose = tuple[Rotation, Vector3]
+Level = tuple[Kind, list[tuple[float, float]], int]
+"""Kind of a level, its outline (ahead, left), and how many of its points, the first ones, are on the right border. The outline
+begins at the right end of the front edge and ends at its left end."""
 Part = tuple[list[Level], tuple[float, float, float]]
 """Levels of a part of a staircase, and where the next one begins: ahead, left, and turned by."""
 
 
-def straight(count: int, run_m: float, width_m: float) -> Part:
-    """Return steps of a straight flight."""
-    half, levels = 0.5 * width_m, []
-    for x, end in ((run_m * k, run_m * (k + 1)) for k in range(count)):
-        outline = [(x, -half), (end, -half), (end, half), (x, half)]
-        levels.append(Level(kind="step", edge=[(x, half), (x, -half)], outline=outline, right=outline[:2], left=outline[2:]))
-    return levels, (run_m * count, 0.0, 0.0)
+def flight(count: int, run_m: float, width_m: float, radius_m: float = STRAIGHT_M) -> Part:
+    """Return steps whose middle line is an arc that turns left."""
+
+    def at(radius: float, angle: float) -> tuple[float, float]:
+        return radius * math.sin(angle), radius_m - radius * math.cos(angle)
+
+    inner, outer, turn = radius_m - 0.5 * width_m, radius_m + 0.5 * width_m, run_m / radius_m
+    kind: Kind = "step" if radius_m == STRAIGHT_M else "winder"
+    levels = [(kind, [at(outer, a), at(outer, a + turn), at(inner, a + turn), at(inner, a)], 2) for a in turn * np.arange(count)]
+    return levels, (*at(radius_m, turn * count), turn * count)  # type: ignore[return-value]
 
 
-def landing(width_m: float, deep_m: float, beyond_m: float) -> Part:
-    """Return a landing: a quarter turn if it is no wider than the flight, a half turn if it is wider by ``beyond_m``."""
-    half = 0.5 * width_m
-    outline = [(0.0, -half), (deep_m, -half), (deep_m, half + beyond_m), (0.0, half + beyond_m)]
-    right = outline[:3] if not beyond_m else outline
-    after = (0.5 * deep_m, half, 0.5 * math.pi) if not beyond_m else (0.0, beyond_m, math.pi)
-    return [Level(kind="landing", edge=[(0.0, half), (0.0, -half)], outline=outline, right=right, left=[])], after
-
-
-def winders(count: int, width_m: float) -> Part:
-    """Return winders about the inner corner that fill a quarter turn."""
-    half = 0.5 * width_m
-    pivot, corner = (0.0, half), (width_m, -half)
+def quarter_turn(count: int, width_m: float) -> Part:
+    """Return winders about the inner corner that fill a quarter turn; a single one is a landing."""
+    half, levels = 0.5 * width_m, list[Level]()
 
     def at(angle: float) -> tuple[float, float]:
         reach = width_m / max(math.cos(angle), math.sin(angle))
         return reach * math.sin(angle), half - reach * math.cos(angle)
 
-    angles = [0.5 * math.pi * k / count for k in range(count + 1)]
-    levels = []
-    for a, b in itertools.pairwise(angles):
-        right = [at(a), *([corner] if a < 0.25 * math.pi - 1e-9 and b > 0.25 * math.pi + 1e-9 else []), at(b)]
-        levels.append(Level(kind="winder", edge=[pivot, at(a)], outline=[pivot, *right], right=right, left=[]))
-    return levels, (0.5 * width_m, half, 0.5 * math.pi)
+    for a, b in itertools.pairwise(0.5 * math.pi * np.arange(count + 1) / count):
+        has_corner = a < 0.25 * math.pi - 1e-9 and b > 0.25 * math.pi + 1e-9
+        border = [at(a), *([(width_m, -half)] if has_corner else []), at(b)]
+        levels.append(("winder" if count > 1 else "landing", [*border, (0.0, half)], len(border)))
+    return levels, (half, half, 0.5 * math.pi)
 
 
-def curve(count: int, run_m: float, width_m: float, radius_m: float) -> Part:
-    """Return steps whose middle line is an arc of a radius, turning left."""
-
-    def at(radius: float, angle: float) -> tuple[float, float]:
-        return radius * math.sin(angle), radius_m - radius * math.cos(angle)
-
-    inner, outer, levels = radius_m - 0.5 * width_m, radius_m + 0.5 * width_m, []
-    for a, b in ((run_m / radius_m * k, run_m / radius_m * (k + 1)) for k in range(count)):
-        outline = [at(outer, a), at(outer, b), at(inner, b), at(inner, a)]
-        levels.append(Level(kind="winder", edge=[outline[3], outline[0]], outline=outline, right=outline[:2], left=outline[2:]))
-    return levels, (*at(radius_m, run_m / radius_m * count), run_m / radius_m * count)
+def half_turn(width_m: float, deep_m: float, beyond_m: float) -> Part:
+    """Return a landing whose next flight goes back beside the first, its middle further left by ``beyond_m``."""
+    half = 0.5 * width_m
+    border = [(0.0, -half), (deep_m, -half), (deep_m, half + beyond_m), (0.0, half + beyond_m)]
+    return [("landing", [*border, (0.0, half)], 4)], (0.0, beyond_m, math.pi)
 
 
 def staircase(parts: Sequence[Part], rise_m: float, rng: np.random.Generator) -> Scene:
@@ -262,16 +247,14 @@ def staircase(parts: Sequence[Part], rise_m: float, rng: np.random.Generator) ->
     is_open = rng.random() < 0.15
     for levels, (ahead, left, turn) in parts:
         R = rotation_z(yaw_rad)[:2, :2]
-        for level in levels:
-            outline, edge, *borders = (
-                np.array(points).reshape(-1, 2) @ R.T + place for points in (level.outline, level.edge, level.right, level.left)
-            )
-            step_m = rise_m + 0.002 * float(np.clip(rng.standard_normal(), -2.0, 2.0))
+        for kind, points, count in levels:
+            outline = np.array(points) @ R.T + place
+            step_m = rise_m + JITTER_M * float(np.clip(rng.standard_normal(), -2.0, 2.0))
             level_m += step_m
-            low_m = level_m - 0.05 if is_open and level.kind != "landing" else -DEEP_M
+            low_m = level_m - 0.05 if is_open and kind != "landing" else -DEEP_M
             scene.solids.append(Prism(outline=outline, low_m=low_m, high_m=level_m))
-            scene.fronts.append(Front(ends=edge, level_m=level_m, rise_m=step_m, kind=level.kind, outline=outline))
-            for border, high_m in zip(borders, (right_m, left_m), strict=True):
+            scene.fronts.append(Front(ends=outline[[-1, 0]], level_m=level_m, rise_m=step_m, kind=kind, outline=outline))
+            for border, high_m in ((outline[:count], right_m), (outline[count:], left_m)):
                 scene.solids += [wall(a, b, level_m + high_m) for a, b in itertools.pairwise(border) if high_m]
         place, yaw_rad = R @ np.array([ahead, left]) + place, yaw_rad + turn
     corners = np.vstack([front.outline for front in scene.fronts])
@@ -289,56 +272,44 @@ def enclosure(low: np.ndarray, high: np.ndarray, rng: np.random.Generator) -> li
 
 def edge_scene(kind: Kind, size_m: float, distance_m: float, direction_rad: float, rng: np.random.Generator) -> Scene:
     """Return a floor with a kerb or a drop of a size at a distance ahead of the origin, across a direction."""
-    ahead = np.array([math.cos(direction_rad), math.sin(direction_rad)])
-    left = np.array([-ahead[1], ahead[0]])
-    near = np.array([distance_m, 0.0])
-    far = box(near + 3.0 * ahead, (6.0, 12.0), -2.0, size_m if kind == "kerb" else -size_m, direction_rad)
-    own = box(near - 3.0 * ahead, (6.0, 12.0), -2.0, 0.0, direction_rad)
-    rise_m = far.high_m
+    ahead, left = rotation_z(direction_rad)[:2, :2].T
+    near, level_m = np.array([distance_m, 0.0]), size_m if kind == "kerb" else -size_m
+    own, far = (box(near + 3.0 * way * ahead, (6.0, 12.0), -2.0, z, direction_rad) for way, z in ((-1.0, 0.0), (1.0, level_m)))
     ends = np.array([near + 6.0 * left, near - 6.0 * left])
-    front = Front(ends=ends, level_m=max(rise_m, 0.0), rise_m=rise_m, kind=kind, outline=far.outline)
+    front = Front(ends=ends, level_m=max(level_m, 0.0), rise_m=level_m, kind=kind, outline=far.outline)
     back = box(near + rng.uniform(2.0, 5.5) * ahead, (0.1, 12.0), -2.0, 3.0, direction_rad)
     return Scene(solids=[far, own, *([back] if rng.random() < 0.5 else [])], fronts=[front])
 
 
-def furniture(kind: str, rng: np.random.Generator) -> list[Prism]:
-    """Return a piece of furniture about the origin."""
-    long, deep, high = rng.uniform(0.8, 1.8), rng.uniform(0.4, 0.8), rng.uniform(0.4, 0.78)
-    if kind == "table":
-        legs = [box((x, y), (0.05, 0.05), 0.0, high) for x in (-0.45 * deep, 0.45 * deep) for y in (-0.45 * long, 0.45 * long)]
-        return [box((0.0, 0.0), (deep, long), high - 0.03, high), *legs]
-    if kind == "sofa":
-        arms = [box((0.0, y), (0.8, 0.15), 0.0, 0.6) for y in (-0.5 * long, 0.5 * long)]
-        return [box((0.0, 0.0), (0.8, long), 0.05, 0.42), box((0.35, 0.0), (0.2, long), 0.0, 0.85), *arms]
-    if kind == "shelf":
-        boards = [box((0.0, 0.0), (0.35, long), z, z + 0.025) for z in np.arange(0.05, 2.0, rng.uniform(0.25, 0.4))]
-        return [*boards, box((0.18, 0.0), (0.02, long), 0.0, 2.0)]
-    if kind == "boxes":
-        sizes = rng.uniform(0.2, 0.6, (3, 3))
-        places = rng.uniform(-0.5, 0.5, (3, 2))
-        return [
-            box(place, size[:2], 0.0, size[2], float(rng.uniform(0.0, math.pi))) for place, size in zip(places, sizes, strict=True)
-        ]
-    back = [box((0.2, 0.0), (0.04, 0.45), 0.45, 0.9)] if kind == "chair" else []
-    legs = [box((x, y), (0.04, 0.04), 0.0, 0.45) for x in (-0.2, 0.2) for y in (-0.2, 0.2)]
-    return (
-        [box((0.0, 0.0), (0.45, 0.45), 0.42, 0.46), *legs, *back] if kind == "chair" else [box((0.0, 0.0), (long, 2.0), 0.1, 0.5)]
-    )
+LEGS = [(x, y, 0.05, 0.05, 0.0, 0.95) for x in (-0.45, 0.45) for y in (-0.45, 0.45)]
+BOARDS = [(0.0, 0.0, 1.0, 1.0, z, z + 0.015) for z in (0.03, 0.22, 0.41, 0.6, 0.79, 0.98)]
+FURNITURE: dict[str, tuple[tuple[float, float, float], list[tuple[float, ...]]]] = {
+    "table": ((0.7, 1.4, 0.73), [(0.0, 0.0, 1.0, 1.0, 0.95, 1.0), *LEGS]),
+    "stool": ((0.4, 0.4, 0.46), [(0.0, 0.0, 1.0, 1.0, 0.9, 1.0), *LEGS]),
+    "chair": ((0.45, 0.45, 0.46), [(0.0, 0.0, 1.0, 1.0, 0.9, 1.0), (0.48, 0.0, 0.05, 1.0, 1.0, 2.0), *LEGS]),
+    "sofa": ((0.9, 1.8, 0.85), [(0.0, 0.0, 1.0, 1.0, 0.05, 0.5), (0.4, 0.0, 0.2, 1.0, 0.0, 1.0)]
+        + [(0.0, y, 1.0, 0.1, 0.0, 0.75) for y in (-0.5, 0.5)]),
+    "shelf": ((0.35, 1.0, 1.9), [(0.5, 0.0, 0.05, 1.0, 0.0, 1.0), *BOARDS]),
+    "bed": ((1.4, 2.0, 0.5), [(0.0, 0.0, 1.0, 1.0, 0.2, 1.0)]),
+    "box": ((0.5, 0.4, 0.35), [(0.0, 0.0, 1.0, 1.0, 0.0, 1.0)]),
+}  # fmt: skip
+"""Sizes of furniture [m], and their parts relative to them: middle and size in plan, lower and upper end."""
 
 
 def room(rng: np.random.Generator) -> Scene:
-    """Return a room with up to five pieces of furniture, and a ramp of up to 10 % in a third of the rooms."""
+    """Return a room with up to six pieces of furniture, and a ramp of up to 10 % in a third of the rooms."""
     solids = enclosure(np.array([-1.0, -1.2]), np.array([rng.uniform(1.2, 4.0), 1.2]), rng)
-    for kind in rng.choice(["table", "sofa", "shelf", "boxes", "chair", "bed"], rng.integers(0, 6)):
-        place, yaw = (
-            np.array([rng.uniform(1.1, 4.0), rng.uniform(-1.5, 1.5)]),
-            float(rng.choice([0.0, 1.57, -1.57, rng.uniform(-3, 3)])),
-        )
-        R = rotation_z(yaw)[:2, :2]
-        solids += [replace(part, outline=part.outline @ R.T + place) for part in furniture(str(kind), rng)]
+    for name in rng.choice(list(FURNITURE), rng.integers(0, 7)):
+        size, parts = FURNITURE[str(name)]
+        long, wide, high = rng.uniform(0.75, 1.3, 3) * size
+        place, yaw_rad = rng.uniform((0.9, -1.2), (3.0, 1.2)), float(rng.choice([0.0, 0.5, -0.5, rng.uniform(-1.0, 1.0)])) * math.pi
+        R = rotation_z(yaw_rad)[:2, :2]
+        for x, y, dx, dy, low, top in parts:
+            middle = place + R @ np.array([x * long, y * wide])
+            solids.append(box(middle, (dx * long, dy * wide), low * high, top * high, yaw_rad))
     if rng.random() < 1.0 / 3.0:
-        grade, start = rng.uniform(0.03, 0.10), rng.uniform(0.6, 1.8)
-        ramp = box((start + 2.0, 0.0), (4.0, rng.uniform(1.0, 3.0)), -DEEP_M, -grade * start)
+        grade, start_m = rng.uniform(0.03, 0.10), rng.uniform(0.6, 1.8)
+        ramp = box((start_m + 2.0, 0.0), (4.0, rng.uniform(1.0, 3.0)), -DEEP_M, -grade * start_m)
         solids.append(replace(ramp, grade=(grade, 0.0)))
     return Scene(solids=solids)
 
@@ -346,33 +317,30 @@ def room(rng: np.random.Generator) -> Scene:
 def camera_of(sensor: str, width_px: int, height_px: int) -> PinholeCamera:
     """Return the camera of a sensor on the chair's mount; 320×240 is every second pixel of 640×480."""
     native = max(width_px, 640)
-    scale = width_px / native
-    mount = read_chair("wheelchair").camera_at(240)
-    optics = {"fx_px": FOCAL_PX[sensor][native] * scale, "fy_px": FOCAL_PX[sensor][native] * scale}
-    middle = {"cx_px": 0.5 * (native - 1) * scale, "cy_px": 0.5 * (height_px / scale - 1) * scale}
-    return replace(mount, width_px=width_px, height_px=height_px, **optics, **middle)
+    scale, mount = width_px / native, read_chair("wheelchair").camera_at(240)
+    f, cx, cy = FOCAL_PX[sensor][native] * scale, 0.5 * (width_px - scale), 0.5 * (height_px - scale)
+    return replace(mount, width_px=width_px, height_px=height_px, fx_px=f, fy_px=f, cx_px=cx, cy_px=cy)
 
 
 def drawn_stair(name: str, rng: np.random.Generator) -> tuple[Scene, int, float, float]:
     """Return a staircase by name, its number of straight steps before the turn, its rise and its run."""
     rise_m, run_m, width_m = rng.uniform(0.155, 0.19), rng.uniform(0.25, 0.31), rng.uniform(0.9, 1.2)
     before, after = int(rng.integers(7, 10)), int(rng.integers(3, 7))
-    first, last = straight(before, run_m, width_m), straight(after, run_m, width_m)
-    quarter = landing(width_m, width_m, 0.0)
-    end = landing(width_m, width_m + 0.5, 0.0)
-    if name.startswith("winding"):
-        before, parts = 0, [curve(before + after, run_m, width_m, float(name.split()[1])), end]
+    first, last, end = flight(before, run_m, width_m), flight(after, run_m, width_m), quarter_turn(1, width_m)
+    half = half_turn(width_m, width_m + rng.uniform(0.0, 0.3), width_m + rng.uniform(0.12, 0.3))
+    if name == "straight":
+        parts = [first, end]
+    elif name.startswith("winding"):
+        before, parts = 0, [flight(before + after, run_m, width_m, float(name.split()[1])), end]
     else:
-        half = landing(width_m, width_m + rng.uniform(0.0, 0.3), width_m + rng.uniform(0.12, 0.3))
-        turn = {"straight": end, "quarter landing": quarter, "half landing": half}
-        parts = [first, turn[name] if name in turn else winders(int(name[0]), width_m)]
-        parts += [] if name == "straight" else [last, end]
+        turn = half if name == "half landing" else quarter_turn(1 if name == "quarter landing" else int(name[0]), width_m)
+        parts = [first, turn, last, end]
     return staircase(parts, rise_m, rng), before, rise_m, run_m
 
 
 def stair_pose(
     before: int, total: int, rise_m: float, run_m: float, heading_rad: float, camera: PinholeCamera, rng: np.random.Generator
-) -> tuple[Rotation, Vector3]:
+) -> Pose:
     """Return the pose of a chair on a straight flight with a number of straight nosings in view before the turn.
 
     Nosings count from where the view of the middle column begins on the nosing plane.
@@ -417,47 +385,33 @@ def depth_of(outline: np.ndarray, place: np.ndarray, way: np.ndarray) -> float:
     return max(float((gap[rate > 1e-9] / rate[rate > 1e-9]).min()), 0.0)
 
 
-def shot(
-    name: str,
-    scene: Scene,
-    pose: tuple[Rotation, Vector3],
-    camera: PinholeCamera,
-    sensor: str,
-    rng: np.random.Generator,
-) -> StepFrame:
+def shot(scene: Scene, pose: Pose, camera: PinholeCamera, sensor: str, rng: np.random.Generator) -> StepFrame:
     """Return the frame of a scene from a pose of the chair."""
     R_WB, p_WB = pose
     R_WC, p_WC = R_WB @ camera.R_BC, p_WB + R_WB @ np.array(camera.mount_m)
     step = 1 if camera.width_px >= 640 else 2
-    native = replace(
-        camera, **{key: getattr(camera, key) * step for key in ("width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px")}
-    )
+    native = camera_of(sensor, camera.width_px * step, camera.height_px * step)
     depth, rays, normals = render(scene.solids, native, R_WC, p_WC)
     image = ExactImage(depth_m=np.minimum(depth, 50.0), rays=rays, normals=normals, focal_px=native.fx_px)
-    measured = NOISES[sensor](image, rng)
-    measured = np.where(depth < 12.0, measured, np.nan)[::step, ::step].astype(np.float32)
+    measured = np.where(depth < FAR_M, NOISES[sensor](image, rng), np.nan)[::step, ::step].astype(np.float32)
 
     def seen(points: np.ndarray) -> np.ndarray:
         local = (points - p_WC) @ R_WC
         u, v = native.point_to_pixel(local)
-        inside = np.isfinite(u)
-        found = depth[np.nan_to_num(np.round(v)).astype(int), np.nan_to_num(np.round(u)).astype(int)]
-        return inside & (found > 0.97 * local[:, 2] - 0.02)
+        column, row = (np.nan_to_num(np.round(place)).astype(int) for place in (u, v))
+        return np.isfinite(u) & (depth[row, column] > 0.97 * local[:, 2] - 0.02)
 
-    yaw = math.atan2(R_WB[1, 0], R_WB[0, 0])
-    R_WL = rotation_z(yaw)
+    R_WL = rotation_z(math.atan2(R_WB[1, 0], R_WB[0, 0]))
     steps = tuple(truth_of(front, R_WL, p_WB, p_WC, seen) for front in scene.fronts)
     down_C = R_WC.T @ np.array([0.0, 0.0, -1.0])
     noisy = down_C + np.cross(GRAVITY_DEG * DEG * rng.standard_normal(3), down_C)
     place = R_WL.T @ (p_WC - p_WB)
     return StepFrame(
-        name=name,
         frame=RgbdFrame(t_s=0.0, rgb=black(*measured.shape), depth_m=np.ascontiguousarray(measured), camera=camera),
         gravity_C=noisy / np.linalg.norm(noisy),
         true_gravity_C=down_C,
         steps=steps,
         camera_at=(-float(place[1]), float(place[0]), float(place[2])),
-        on_flight=bool(R_WB[2, 2] < 0.999),
     )
 
 
@@ -486,9 +440,9 @@ def draw_frame(
     if name in ("kerb", "drop"):
         across = (2.5 if heading_deg is None else -1.0) * heading
         scene = edge_scene("kerb" if name == "kerb" else "drop", size_m, rng.uniform(1.0, 1.9), across, rng)
-        return shot(name, scene, (np.eye(3), place), camera, sensor, rng)
+        return shot(scene, (np.eye(3), place), camera, sensor, rng)
     if name == "room":
-        return shot(name, room(rng), (rotation_z(heading), place), camera, sensor, rng)
+        return shot(room(rng), (rotation_z(heading), place), camera, sensor, rng)
     scene, count, rise_m, run_m = drawn_stair(name, rng)
     pose = (rotation_z(heading), np.array([-camera.mount_m[0] - rng.uniform(0.4, 1.3), place[1], 0.0]))
     if before == 0 and "landing" in name:
@@ -502,4 +456,4 @@ def draw_frame(
     if rng.random() < 0.5:
         flip = np.diag([1.0, -1.0, 1.0])
         scene, pose = scene.mirrored(), (flip @ pose[0] @ flip, flip @ pose[1])
-    return shot(name, scene, pose, camera, sensor, rng)
+    return shot(scene, pose, camera, sensor, rng)
