@@ -37,7 +37,7 @@ PATCHES_PX = (2.5, 10.0, 40.0)
 """Scales of the errors of a disparity [px]: a matching window, bumps of flat walls in recordings, and what calibration leaves."""
 GRAZING = (0.05, 0.25)
 """Cosines of the angle between ray and normal at which no pixel, and every pixel, of structured light has a depth."""
-TOF_SHARE, TOF_BASE_M, ALBEDO, CELL_PX = 0.0025, 0.002, 0.3, 16
+TOF_SHARE, TOF_BASE_M, ALBEDO, CELL_PX = 0.0025, 0.002, 0.3, 20
 """Range noise of time of flight per metre and at no range [m] (Tölgyessy et al., Sensors 21, 2021: 2 to 8 mm at 1 to 3 m), share of
 light reflected by carpet and concrete, whose biases become 20 mm, 50 mm in corners, and size of the patches that reflect [px]."""
 JUMP_SHARE = 0.03

@@ -139,7 +139,7 @@ def plan_axes(camera: PinholeCamera, gravity_C: Vector3) -> Float[np.ndarray, "2
 
 
 @numba.njit
-def clip(spaces: Array, starts: Array, boxes: Array, origin: Array, rays: Array, depth: Array, face: Array) -> None:
+def clip(normals: Array, gaps: Array, starts: Array, boxes: Array, rays: Array, depth: Array, face: Array) -> None:
     """Write the nearest depth and its face into images, from rays clipped by the half-spaces of each solid in its image box."""
     for solid in range(len(boxes)):
         first, last = starts[solid], starts[solid + 1]
@@ -147,9 +147,8 @@ def clip(spaces: Array, starts: Array, boxes: Array, origin: Array, rays: Array,
             for u in range(boxes[solid, 0], boxes[solid, 2]):
                 enter, leave, entered = 0.05, depth[v, u], -1
                 for k in range(first, last):
-                    n = spaces[k]
-                    gap = n[3] - n[0] * origin[0] - n[1] * origin[1] - n[2] * origin[2]
-                    rate = n[0] * rays[v, u, 0] + n[1] * rays[v, u, 1] + n[2] * rays[v, u, 2]
+                    gap = gaps[k]
+                    rate = normals[k, 0] * rays[v, u, 0] + normals[k, 1] * rays[v, u, 1] + normals[k, 2] * rays[v, u, 2]
                     if rate < 0.0 and gap / rate > enter:
                         enter, entered = gap / rate, k
                     elif rate > 0.0:
@@ -171,19 +170,22 @@ def render(
     rays = camera.pixel_to_point(u, v) @ R_WC.T
     spaces = [solid.half_spaces for solid in solids]
     boxes = np.empty((len(solids), 4), np.int64)
+    (fx, fy, cx, cy), (width, height) = camera.pinhole, size
+    sides = np.array([[fx, 0.0, cx + 1.0], [-fx, 0.0, width - cx], [0.0, fy, cy + 1.0], [0.0, -fy, height - cy], [0.0, 0.0, 1.0]])
     for box, solid in zip(boxes, solids, strict=True):
         points = (solid.corners - p_WC) @ R_WC
         near = points[:, 2].min() < 0.05
         pixels = np.array(camera.pinhole[:2]) * points[:, :2] / np.maximum(points[:, 2:], 0.05) + np.array(camera.pinhole[2:])
-        if points[:, 2].max() < 0.05:
-            box[:] = 0  # behind the camera
+        if (points @ sides.T < 0.0).all(axis=0).any():
+            box[:] = 0  # out of view
             continue
         box[:2] = 0 if near else np.clip(np.floor(pixels.min(axis=0)), 0, size)
         box[2:] = size if near else np.clip(np.ceil(pixels.max(axis=0)) + 1, 0, size)
     depth, face = np.full(rays.shape[:2], np.inf), np.zeros(rays.shape[:2], np.int64)
     starts = np.cumsum([0, *(len(part) for part in spaces)])
-    clip(np.vstack(spaces), starts, boxes, np.asarray(p_WC, float), rays, depth, face)
-    return depth, rays, np.vstack(spaces)[face, :3]
+    normals, offsets = np.hsplit(np.vstack(spaces), [3])
+    clip(np.ascontiguousarray(normals), offsets[:, 0] - normals @ p_WC, starts, boxes, rays, depth, face)
+    return depth, rays, normals[face]
 
 
 def box(middle: Sequence[float], size: Sequence[float], low_m: float, high_m: float, yaw_rad: float = 0.0) -> Prism:
