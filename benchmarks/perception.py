@@ -1,6 +1,6 @@
 """Accuracy of the stair perception: ``python benchmarks/perception.py [--only heading] [--frames N] [--seed S]``.
 
-Every call draws new seeds, which no tuning has used, and prints them, so that a run can be repeated. Eleven tables:
+Every call draws new seeds, which no tuning has used, and prints them, so that a run can be repeated. Nine tables:
 
 heading    error of the heading by place, clutter, warp and calibration error
 sensors    the same by depth sensor, noise, image size and distance
@@ -8,13 +8,12 @@ conditions the same by kinds of stair, motion and mount that break an assumption
 sides      sides of the flight, walls or open
 pixels     the same with pixels missing at random or in blotches, holes filled by the driver, and mixed depths at edges
 geometry   error of slope, rise and run
-ground     edges of landings, docks and kerbs ahead
-floor      drops reported where there are none
 stairless  number of scenes without a stair in which a stair is detected (target: none)
 paper      Algorithm 1 as printed, and again with 90° taken off: with it Eq. (2) is an arcsine
 real       recorded frames with a reference, if available
 
-Frames with less than 15 % stair do not count. Fractions have 95 % intervals (Wilson). Times are CPU time of one core.
+Turned stairs, kerbs and drops are in ``steps.py``. Frames with less than 15 % stair do not count. Fractions have 95 % intervals
+(Wilson). Times are CPU time of one core.
 """
 
 import math
@@ -24,7 +23,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from ground import FLOOR_COLUMNS, GROUND_COLUMNS, edge_rows, floor_rows
 from perception_cases import LIFELIKE, Case, condition_cases, fixed, pixel_cases, sensor_cases
 from real_frames import RealFrame, crops_of, mirrored, phases_of, real_frames
 from scenes import STAIR_SCENES, STAIRLESS_SCENES, View
@@ -315,8 +313,6 @@ TABLES: dict[str, tuple[str, str, Callable[[range], Iterator[str]]]] = {
     "sides": ("Sides of the flight", SIDES_COLUMNS, by_case(sides_row, side_cases)),
     "pixels": ("Heading with bad pixels", PAIRED_COLUMNS, by_case(paired_row, pixel_cases)),
     "geometry": ("Geometry", GEOMETRY_COLUMNS, by_case(geometry_row, geometry_cases)),
-    "ground": ("Edges ahead", GROUND_COLUMNS, edge_rows),
-    "floor": ("Ground without an edge", FLOOR_COLUMNS, floor_rows),
     "stairless": ("Places without a stair", STAIRLESS_COLUMNS, stairless_rows),
     "paper": ("Heading, Algorithm 1", HEADING_COLUMNS, by_case(heading_row, paper_cases)),
     "real": ("Recorded frames, with gravity where it is known", REAL_COLUMNS, real_rows),

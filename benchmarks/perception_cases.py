@@ -129,9 +129,6 @@ def condition_cases() -> Iterator[Case]:
     yield Case(label="carpet runner, 8 mm", recipe={"runner": True})
     for bow in (2, 5, -5, 15):
         yield Case(label=f"nosings bowed by {bow} cm", recipe={"bow_m": fixed(bow / 100.0)})
-    for radius in (12, 6, 3):
-        yield Case(label=f"curved flight, radius {radius} m", recipe={"radius_m": fixed(radius)})
-    yield Case(label="winders ahead", recipe={"winder_radius_m": (0.55, 0.9), "width_m": (0.8, 1.0)})
     yield Case(label="rolling shutter, 0.1 to 0.3 m/s, 8°/s RMS", recipe=ROLLING)
     yield Case(label="45 cm wide, open at both sides", recipe={"width_m": fixed(0.45), "walls": ("none",)})
     yield Case(label="1.0 to 1.6 m wide, open at both sides", recipe={"walls": ("none",)})

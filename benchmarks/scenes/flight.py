@@ -8,12 +8,12 @@ import numpy as np
 from jaxtyping import Float
 
 from scenes.clutter import RAIL_INSET_M, RAIL_M
-from scenes.recipe import PLACES_M, Range, ViewRecipe, drawn
+from scenes.recipe import PLACES_M, ViewRecipe, drawn
 from treadline.core.angles import DEG
 from treadline.core.rotations import Rotation, Vector3, rotation_x, rotation_y, rotation_z
-from treadline.plant.sensors.camera.solids import SceneBox, part_of, solids_of
+from treadline.plant.sensors.camera.solids import SceneBox, solids_of
 from treadline.scenario.scenario import Stair
-from treadline.vehicle.stair_solids import TREAD_THICKNESS_M, WALL_HEIGHT_M, stair_boxes
+from treadline.vehicle.stair_solids import stair_boxes
 from treadline.vehicle.staircase import Staircase, Step, build_staircase
 
 Direction = Literal["up", "down"]
@@ -29,14 +29,8 @@ DIRECTIONS: dict[str, Direction] = {
 """Direction of each scene."""
 LEVEL = ("foot", "edge")
 """Scenes with the chair on horizontal ground."""
-WALL_M = 0.1
-"""Thickness of the walls [m]."""
 STAIR_WIDTH_M = 0.8
 """Least width of a flight in a scenario [m]; views also show narrower flights, which a chair must refuse."""
-BEND_RAD = (-60.0 * DEG, 60.0 * DEG)
-"""Turns of a curved flight before and behind the chair."""
-WINDERS_AHEAD_M = (0.6, 1.5)
-"""Distance along the flight from the chair's middle to the first winder [m]: its front axle stands 0.6 m ahead."""
 CLEAR_M = 0.12
 """Least distance between the camera and a wall or rail [m]."""
 
@@ -51,15 +45,13 @@ class Pose:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TiltedFlight:
-    """Staircase with tilted steps, bowed nosings and a curved centre line."""
+    """Staircase with tilted steps and bowed nosings."""
 
     staircase: Staircase
     tilts_rad: Float[np.ndarray, "n 2"]
     """Tilt of each step [rad]: down to the front, then up to the left."""
     bow_m: float = 0.0
     """Sagitta of the nosings over the width [m]; positive if the middle protrudes towards the foot."""
-    curvature_1_m: float = 0.0
-    """Curvature of the centre line [1/m]; positive if the flight turns left going up."""
 
     def turn(self, index: int) -> Rotation:
         """Return the rotation of a step about the middle of its nosing."""
@@ -83,8 +75,6 @@ class TiltedFlight:
 
     def solids(self) -> tuple[SceneBox, ...]:
         """Return the solids of the staircase, with tilted steps."""
-        if self.curvature_1_m:
-            return tuple(solid for step in self.staircase.steps for solid in self._curved(step))
         return tuple(self._tilted(solid) for solid in solids_of(stair_boxes(self.staircase)))
 
     def _tilted(self, solid: SceneBox) -> SceneBox:
@@ -94,32 +84,6 @@ class TiltedFlight:
         nosing = np.array([step.x_m, 0.0, step.z_m])
         return replace(solid, centre_W=nosing + turn @ (solid.centre_W - nosing), R_WK=turn @ solid.R_WK)
 
-    def _curved(self, step: Step) -> list[SceneBox]:
-        """Return a step of a curved flight with its pieces of wall."""
-        stair, is_last = self.staircase, step is self.staircase.steps[-1]
-        half = 0.5 * stair.width_m
-        # The outer end of a step is longer than its middle.
-        depth = max(stair.landing_m, step.depth_m) if is_last else step.depth_m * (1.0 + abs(self.curvature_1_m) * half)
-        under = 0.03 if stair.open_risers else 0.10
-        low = -TREAD_THICKNESS_M if stair.open_risers else -step.rise_m - 0.10
-        frame = SceneBox(
-            kind="landing" if is_last else "step",
-            centre_W=step.nosing_F,
-            half_m=np.zeros(3),
-            R_WK=self.turn(step.index) @ rotation_z(step.yaw_rad),
-            index=step.index,
-        )
-        wall = replace(frame, kind="wall", index=-1)
-        # The outer face of the outer wall is the longest; what is too long lies inside the next piece.
-        wall_m = step.depth_m * (1.0 + abs(self.curvature_1_m) * (half + WALL_M)) + WALL_M
-        walls = [
-            part_of(wall, (0.0, wall_m), (min(inner, outer), max(inner, outer)), (-step.z_m, WALL_HEIGHT_M))
-            for side, word in ((1.0, "left"), (-1.0, "right"))
-            for inner, outer in [(side * half, side * (half + WALL_M))]
-            if stair.walls in (word, "both") and not is_last
-        ]
-        return [part_of(frame, (0.0, depth + (0.0 if is_last else under)), (-half, half), (low, 0.0)), *walls]
-
 
 def draw_flight(recipe: ViewRecipe, rng: np.random.Generator) -> TiltedFlight:
     """Return a random flight of a recipe."""
@@ -128,34 +92,6 @@ def draw_flight(recipe: ViewRecipe, rng: np.random.Generator) -> TiltedFlight:
         staircase=staircase,
         tilts_rad=recipe.tread_tilt_deg * DEG * rng.standard_normal((len(staircase.steps), 2)),
         bow_m=drawn(recipe.bow_m, rng) if any(recipe.bow_m) else 0.0,
-    )
-
-
-def bend(flight: TiltedFlight, recipe: ViewRecipe, place_m: float, rng: np.random.Generator) -> TiltedFlight:
-    """Return a flight with the turn of a recipe: along all of it, or a quarter turn of winders ahead of the chair.
-
-    Args:
-        place_m: Place of the chair along the flight, where the centre line keeps its place and direction.
-    """
-    radii = recipe.radius_m or recipe.winder_radius_m
-    if radii is None:
-        return flight
-    curvature = float(rng.choice([-1.0, 1.0])) / drawn(radii, rng)
-    start, turns = (place_m, BEND_RAD) if recipe.radius_m else (place_m + drawn(WINDERS_AHEAD_M, rng), (0.0, 0.5 * math.pi))
-    steps = tuple(_on_bend(step, start, curvature, turns) for step in flight.staircase.steps)
-    return replace(flight, staircase=replace(flight.staircase, steps=steps), curvature_1_m=curvature)
-
-
-def _on_bend(step: Step, start_m: float, curvature: float, turns: Range) -> Step:
-    """Return a step moved onto an arc between two turns, with straight parts before and behind."""
-    ahead = step.x_m - start_m
-    turned = min(max(abs(curvature) * ahead, turns[0]), turns[1])
-    straight, side = ahead - turned / abs(curvature), math.copysign(1.0, curvature)
-    return replace(
-        step,
-        x_m=start_m + math.sin(turned) / abs(curvature) + straight * math.cos(turned),
-        y_m=side * ((1.0 - math.cos(turned)) / abs(curvature) + straight * math.sin(turned)),
-        yaw_rad=step.yaw_rad + side * turned,
     )
 
 

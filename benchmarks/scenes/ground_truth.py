@@ -79,8 +79,6 @@ class StairTruth:
     """What stands along the right side."""
     bow_m: float
     """Sagitta of the nosings over the width [m]; positive if the middle protrudes towards the foot."""
-    curvature_1_m: float
-    """Curvature of the flight's centre line [1/m]; positive if the flight turns left going up."""
 
     @property
     def width_m(self) -> float:
@@ -103,7 +101,7 @@ def stair_truth(
     is_step = np.array([*(solid.kind == "step" for solid in solids), False])
     staircase = flight.staircase
     nosings = _nosings(flight, pose, direction)
-    on_stair = np.abs(_aside(flight, pose, nosings, direction)) <= 0.5 * staircase.width_m
+    on_stair = np.abs((pose.p_WB + nosings @ pose.R_WB.T)[:, 1]) <= 0.5 * staircase.width_m
     steps = staircase.steps
     up = 1.0 if direction == "up" else -1.0
     left, right = _walls(staircase, solids, pose, direction, exact)
@@ -128,7 +126,6 @@ def stair_truth(
         left_side=_side(staircase, solids, up),
         right_side=_side(staircase, solids, -up),
         bow_m=flight.bow_m,
-        curvature_1_m=flight.curvature_1_m,
     )
 
 
@@ -148,15 +145,6 @@ def _nosings(flight: TiltedFlight, pose: Pose, direction: Direction) -> Float[np
 def _steps(flight: TiltedFlight, direction: Direction) -> list[Step]:
     """Return the steps with a tread in the order of a chair that goes up or down."""
     return [step for step in flight.staircase.steps[:: 1 if direction == "up" else -1] if not step.missing]
-
-
-def _aside(flight: TiltedFlight, pose: Pose, nosings_B: Float[np.ndarray, "n 3"], direction: Direction) -> Float[np.ndarray, " n"]:
-    """Return the distance of each nosing's intersection to the left of the middle of the flight [m]."""
-    points_W = pose.p_WB + nosings_B @ pose.R_WB.T
-    if not flight.curvature_1_m:
-        return np.asarray(points_W[:, 1])
-    steps = _steps(flight, direction)[-len(points_W) :] if len(points_W) else []
-    return np.array([flight.along(step) @ (at - step.nosing_F) for step, at in zip(steps, points_W, strict=True)])
 
 
 def _side(staircase: Staircase, solids: list[SceneBox], sign: float) -> Side:

@@ -25,7 +25,7 @@ FRAMES_PER_CONDITION = 4
 STAIR_COLUMNS = (
     "direction", "heading_deg", "slope_deg", "rise_m", "run_m", "edge_x", "edge_y", "edge_z", "share", "next_nosing_x_m",
     "next_nosing_z_m", "end_in_view", "left_wall_m", "right_wall_m", "obstacle_m", "left_edge_m", "right_edge_m", "left_side",
-    "right_side", "bow_m", "curvature_1_m",
+    "right_side", "bow_m",
 )  # fmt: skip
 """Columns of truth.csv that are blank without a stair."""
 AS_BUILT: dict[str, Any] = {
@@ -114,5 +114,5 @@ def truth_of(view: View) -> dict[str, object]:
     following = seen[0, ::2].tolist() if len(seen) else [None, None]
     direction = [stair.direction, stair.heading_rad / DEG, stair.slope_rad / DEG, stair.rise_m, stair.run_m, *stair.edge_C.tolist()]
     around = [stair.share, *following, int(stair.end_in_view), stair.left_wall_m, stair.right_wall_m, stair.obstacle_m]
-    sides = [stair.left_edge_m, stair.right_edge_m, stair.left_side, stair.right_side, stair.bow_m, stair.curvature_1_m]
+    sides = [stair.left_edge_m, stair.right_edge_m, stair.left_side, stair.right_side, stair.bow_m]
     return {"scene": view.scene} | dict(zip(STAIR_COLUMNS, [*direction, *around, *sides], strict=True)) | gravity

@@ -37,9 +37,7 @@ PLACES_M: dict[str, Range] = {
 }
 """Default range of ``place_m`` for each scene [m]."""
 ALONE: dict[str, tuple[str, ...]] = {
-    "bow_m": ("worn_m", "radius_m", "winder_radius_m", "edge_holes_m", "treads", "runner"),
-    "radius_m": ("worn_m", "winder_radius_m", "edge_holes_m", "treads", "runner"),
-    "winder_radius_m": ("worn_m", "edge_holes_m", "treads", "runner"),
+    "bow_m": ("worn_m", "edge_holes_m", "treads", "runner"),
     "treads": ("worn_m", "edge_holes_m", "runner"),
     "edge_holes_m": ("worn_m", "runner"),
 }
@@ -71,10 +69,6 @@ class ViewRecipe:
     """Largest nosing radius of worn steps, which varies along the nosing; zero: sharp nosings."""
     bow_m: Range = (0.0, 0.0)
     """Sagitta of the nosings over the width; positive if the middle protrudes towards the foot of the flight."""
-    radius_m: Range | None = None
-    """Radius of the flight's centre line, which turns to a random side; None: a straight flight."""
-    winder_radius_m: Range | None = None
-    """Radius of the centre line of a quarter turn of winders ahead of the chair, to a random side; None: no winders."""
     edge_holes_m: float = 0.0
     """Width of the bands without depth along the edges of the treads, as on metal strips or in the shadow of a nosing."""
     treads: str = "solid"

@@ -18,7 +18,7 @@ import numpy as np
 
 from scenes.camera import SceneCamera, Sweep
 from scenes.clutter import cast_shadows
-from scenes.flight import DIRECTIONS, LEVEL, Pose, TiltedFlight, bend, draw_flight, draw_pose, rocked
+from scenes.flight import DIRECTIONS, LEVEL, Pose, TiltedFlight, draw_flight, draw_pose, rocked
 from scenes.ground_truth import StairTruth, stair_truth
 from scenes.recipe import STAIR_SCENES, Range, ViewRecipe, drawn
 from scenes.rooms import room
@@ -162,7 +162,6 @@ def draw_stage(rng: np.random.Generator, recipe: ViewRecipe) -> tuple[Stage, Pos
     if scene in STAIR_SCENES:
         flight = draw_flight(recipe, rng)
         pose = draw_pose(scene, flight.staircase, np.array(true.mount_m), recipe, heading, rng)
-        flight = bend(flight, recipe, float(pose.p_WB[0]), rng)
         setting = stair_setting(flight, scene, pose, recipe, rng)
     else:
         flight = None
