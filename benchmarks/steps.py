@@ -282,7 +282,7 @@ def interval_cells(frames: list[StepFrame]) -> str:
         spent.append(said.spent_ms)
         if said.measured is not None:
             heading_rad, heading_sigma, rise_m, rise_sigma = said.measured
-            true_m = float(np.mean([true.rise_m for true in view.steps if true.visible > VISIBLE]))
+            true_m = np.average([true.rise_m for true in view.steps], weights=[true.visible for true in view.steps])
             pairs.append([heading_rad - view.heading_to(view.steps[0]), heading_sigma, rise_m - true_m, rise_sigma])
     figures = [""] * 6
     if pairs:

@@ -2,7 +2,7 @@
 
     view = draw_frame(seed, "quarter landing", before=3, sensor="stereo")
     view.frame, view.gravity_C      # inputs of a detector
-    view.steps                      # ground truth, in the axes of the levelled camera
+    view.steps                      # ground truth, from the camera in plan axes of the levelled chair
 
 Solids are upright prisms over convex outlines; rays are clipped by their half-spaces. Neither the project's staircases nor its
 renderer or sensors are used, so that a detector is judged by steps and noise that it was not developed on. The same arguments give
@@ -95,7 +95,7 @@ class Scene:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TrueStep:
-    """Ground truth of a step in plan axes of the levelled camera (right, ahead) or of the chair; see ``StepFrame.camera_at``."""
+    """Ground truth of a step, from the camera in plan axes of the levelled chair: right, and ahead along the chair's own x axis."""
 
     height_m: float
     """Height of the edge above the ground under the chair's mid-track."""

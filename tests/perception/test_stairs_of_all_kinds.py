@@ -137,14 +137,6 @@ def test_a_side_wall_does_not_turn_the_heading() -> None:
     assert rms(errors) < 0.003 * DEG
 
 
-def test_winders_with_one_edge_direction_in_view_are_rejected() -> None:
-    """Test: winders of which one edge alone has a direction, which was 16° off. Expected result: a reason that says so."""
-    view = draw_view(np.random.default_rng(41_014), ViewRecipe(winder_radius_m=(0.55, 0.9), width_m=(0.8, 1.0)))
-    sight = DETECTOR.look(view.frame, view.gravity_C)
-    assert not sight.accepted
-    assert "one edge has a direction" in str(sight.reason)
-
-
 def test_a_bench_before_a_planter_has_no_step_below() -> None:
     """Test: seat and edge in step, with the floor three rises lower. Expected result: no heading; the step between is missing."""
     recipe = ViewRecipe(scenes=("street",), pitch_deg=(10.0, 50.0), lateral_m=(-0.5, 0.5), textures=("wood", "carpet", "terrazzo"))
