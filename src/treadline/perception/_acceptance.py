@@ -12,7 +12,7 @@ import numpy as np
 from treadline.core.angles import DEG
 from treadline.core.step_sizes import RISE_M, RUN_M
 from treadline.perception._edge_fit import EdgeFit
-from treadline.perception._form import Bow, Side
+from treadline.perception._form import Side
 from treadline.perception._lattice import EVIDENCE
 from treadline.perception._stair_shape import StairShape
 from treadline.perception._step_parts import Flight
@@ -29,9 +29,11 @@ SIGMA_LIMIT = 1.5 * DEG
 """Largest accepted standard deviation of the heading [rad]: (4° - 1°) / 1.96. By such a frame a chair that is square to within 1°
 is less than 4° off with 95 %, the largest heading error at which it drives down a flight. Noise falls as the chair approaches."""
 FORM_LIMIT = 1.0 * DEG
-"""Largest accepted rotation of a winding flight's edges between those in view and the chair, and largest accepted deviation
-of the heading on bowed edges [rad]: the heading error of a chair that counts as square. It does not decrease as the chair
+"""Largest accepted rotation of a winding flight's edges between those in view and the chair, and largest accepted rotation of
+bowed ones [rad]: the heading error of a chair that counts as square. It does not decrease as the chair
 approaches."""
+UNSEEN_MIDDLE_M = 0.30
+"""Assumed distance of the visible part of a bowed flight from its middle [m]."""
 CERTAIN = 0.9
 """Probability above which a flight is called winding; below it, the heading's interval allows for it."""
 
@@ -43,7 +45,8 @@ class Finding:
     flight: Flight
     fit: EdgeFit
     shape: StairShape
-    bow: Bow
+    bow_1_m: float
+    """Curvature of the edges in the horizontal plane [1/m]; 0 for straight ones."""
     sides: tuple[Side | None, Side | None]
     """Left and right side of the flight in the camera's view."""
     heading_rad: float
@@ -118,16 +121,19 @@ def _winding(finding: Finding) -> str | None:
     return None
 
 
-def _uncertain(finding: Finding) -> str | None:
-    limit_rad = FORM_LIMIT if finding.bow.is_bowed else SIGMA_LIMIT
-    if finding.sigma_rad <= limit_rad:
+def _bowed(finding: Finding) -> str | None:
+    turned_rad = abs(finding.bow_1_m) * UNSEEN_MIDDLE_M
+    if turned_rad <= FORM_LIMIT:
         return None
-    cause = (
-        f"the edges are bowed by {abs(finding.bow.curvature_1_m):.2f} per metre"
-        if finding.bow.is_bowed
-        else "the flight is too far away, or too little of it is in view"
-    )
-    return f"{cause}: heading known to ±{1.96 * finding.sigma_rad / DEG:.1f}°, ±{1.96 * limit_rad / DEG:.1f}° needed"
+    off = f"the heading may be off by {turned_rad / DEG:.1f}°, at most {FORM_LIMIT / DEG:.1f}°"
+    return f"the edges are bowed by {abs(finding.bow_1_m):.2f} per metre: {off}"
+
+
+def _uncertain(finding: Finding) -> str | None:
+    if finding.sigma_rad <= SIGMA_LIMIT:
+        return None
+    cause = "the flight is too far away, or too little of it is in view"
+    return f"{cause}: heading known to ±{1.96 * finding.sigma_rad / DEG:.1f}°, ±{1.96 * SIGMA_LIMIT / DEG:.1f}° needed"
 
 
 def _too_narrow(finding: Finding) -> str | None:
@@ -145,6 +151,7 @@ RULES: tuple[Callable[[Finding], str | None], ...] = (
     _winding,
     _unfit_size,
     _turned_away,
+    _bowed,
     _uncertain,
     _too_narrow,
 )

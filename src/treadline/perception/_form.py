@@ -1,4 +1,4 @@
-"""Form of a flight from its matched surfaces: the bow of its edges, and where it ends at the sides.
+"""Form of a flight from its matched surfaces: whether its edges are bowed, and where it ends at the sides.
 
 A side is where several surfaces end at one lateral position: at a wall, when what follows is nearer, or open, when it is further
 away or nothing. Surfaces that the image or an object cuts off give a bound only.
@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float
 
 from treadline.core.camera_images import BASELINES_M, PinholeCamera
 from treadline.perception import _form_kernels as form_kernels
-from treadline.perception._irregularity import pooled_mean
+from treadline.perception import _plane_segmentation_kernels as surface_kernels
 from treadline.perception._plane_segmentation import JUMP, Ends, PlanarBlocks, Surface
 from treadline.perception._step_parts import Axes
 
@@ -24,23 +24,10 @@ LOOK_SHARE = 24
 """Image width divided by the largest number of columns past a surface's end in which its surroundings are looked for."""
 SAME_SIDE_M = 0.05
 """Largest lateral distance of ends at one side [m]."""
-BIN_M, BINS = 0.04, 101
-"""Width and number of bins across the flight for the profiles of edges: 2 m to either side of the camera."""
-LEAST_BINS = 6
-"""Least number of bins of a profile: three for its shape, three for its scatter."""
-KEPT_SIGMAS = 3.7
-"""Largest residual of a bin in medians of their size: 2.5 standard deviations."""
-CAMERA_BOW = 0.02
-"""Standard deviation of a curvature that is the camera's, common to all edges [1/m]: by a warp of 0.05 px of Kinect disparity,
-which at 1.5 m bends half a metre by 2.5 mm."""
-STEP_BOWS = np.geomspace(0.002, 0.5, 10)
-"""Grid of the scatter of curvature between the edges of one flight [1/m]: 0.2 mm of bow over a metre, as drawn, to the errors of
-profiles that objects cut off."""
-BOWED, BOW_1_M = 0.1, 0.1
-"""Prior probability of bowed edges, and standard deviation of their curvature [1/m]: a sagitta of 2 cm over 1.3 m."""
-UNSEEN_MIDDLE_M, TURN_SHARE = 0.30, 0.3
-"""Assumed distance of the visible part from the middle of a bowed flight whose sides are not in view [m], and relative error of the
-correction if they are."""
+ARC_SIGMAS = 3.0
+"""Least curvature of bowed edges in standard deviations of its mean: by chance one straight flight in 370."""
+ARC_POINTS = 9
+"""Least number of points of an edge: three for each of its thirds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,43 +50,6 @@ class LateralEnds:
     opens: Bool[np.ndarray, " k"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Bow:
-    """Curvature of the edges in the horizontal plane."""
-
-    curvature_1_m: float
-    """Mean curvature, positive for edges whose ends are further away than their middle [1/m]."""
-    sigma_1_m: float
-    """Standard deviation of the curvature [1/m]; infinite without a profile."""
-    seen_aside_m: float
-    """Mean lateral position of the profiles, to the right of the camera [m]."""
-
-    @property
-    def bowed(self) -> float:
-        """Probability that the edges are bowed."""
-        if math.isinf(self.sigma_1_m):
-            return 0.0
-        wide = self.sigma_1_m**2 + BOW_1_M**2
-        gain = 0.5 * self.curvature_1_m**2 * (1.0 / self.sigma_1_m**2 - 1.0 / wide)
-        odds = BOWED / (1.0 - BOWED) * self.sigma_1_m / math.sqrt(wide) * math.exp(min(gain, 100.0))
-        return odds / (1.0 + odds)
-
-    @property
-    def is_bowed(self) -> bool:
-        """Whether the edges are more likely bowed than straight."""
-        return self.bowed > 0.5
-
-    @property
-    def root_mean_square_1_m(self) -> float:
-        """Root of the mean square of the curvature [1/m], straight edges included.
-
-        The curvature of bowed edges is estimated from itself if it is larger than a usual one (James, Stein 1961).
-        """
-        square = max(BOW_1_M**2, self.curvature_1_m**2 - self.sigma_1_m**2)
-        share = square / (square + self.sigma_1_m**2) if self.bowed else 0.0
-        return math.sqrt(self.bowed * ((share * self.curvature_1_m) ** 2 + share * self.sigma_1_m**2)) if share else 0.0
-
-
 def sides_of(ends: Sequence[LateralEnds]) -> tuple[Side | None, Side | None]:
     """Return the left and right side of a flight in the camera's view; None where none is seen."""
     left, right = (_side(end, way) for way, end in zip((-1, 1), ends, strict=True))
@@ -115,9 +65,13 @@ def lateral_ends_of(
 
     Columns of an image rolled by more than 45° do not run along the flight: no ends are known. Upside down, left is right.
     """
+    columns, no_rows = [surface.upper.columns for surface in surfaces], np.zeros(0)
     places, walls, opens = form_kernels.sides_of(
         blocks.nearness,
-        *_columns([(surface, surface.upper) for surface in surfaces])[:4],
+        np.concatenate([np.zeros(0, dtype=np.int64), *columns]),
+        np.concatenate([no_rows, *(surface.upper.rows for surface in surfaces)]),
+        np.concatenate([no_rows, *(surface.lower.rows for surface in surfaces)]),
+        np.cumsum([part.size for part in columns], dtype=np.int64),
         np.array([surface.normal for surface in surfaces]).reshape(-1, 3),
         axes.right,
         max(2, camera.width_px // LOOK_SHARE),
@@ -133,16 +87,6 @@ def lateral_ends_of(
         for way, side in zip((-1, 1), sides, strict=True)
     )
     return left, right
-
-
-def _columns(profiles: Sequence[tuple[Surface, Ends]]) -> tuple[np.ndarray, ...]:
-    """Return columns, upper and lower rows of surfaces, one after the other, their stops, and rows and surroundings of an end."""
-    if not profiles:
-        whole, rows = np.zeros(0, dtype=np.int64), np.zeros(0)
-        return whole, rows, rows, whole, rows, whole
-    parts = [(surface.upper.columns, surface.upper.rows, surface.lower.rows, end.rows, end.follows) for surface, end in profiles]
-    columns, upper, lower, rows, follows = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return columns, upper, lower, np.cumsum([part[0].size for part in parts]), rows, follows
 
 
 def _side(end: LateralEnds, way: int) -> Side | None:
@@ -162,80 +106,39 @@ def _side(end: LateralEnds, way: int) -> Side | None:
 
 
 def bow_of(
-    fronts: Sequence[tuple[Surface, Ends]],
-    risers: Sequence[Surface],
-    blocks: PlanarBlocks,
-    camera: PinholeCamera,
-    axes: Axes,
-) -> Bow:
-    """Return the curvature of the edges, pooled over the fronts of treads and the faces of risers.
+    fronts: Sequence[tuple[Surface, Ends]], risers: Sequence[Surface], blocks: PlanarBlocks, camera: PinholeCamera, axes: Axes
+) -> float:
+    """Return the mean curvature of the edges in the horizontal plane, positive for ends further away [1/m]; 0 for straight ones.
+
+    The noise of an edge's curvature falls with the square of its width; how the edges differ gives that of their mean.
 
     Args:
         fronts: Treads whose front is a nosing, with that end.
     """
-    edges = [*fronts, *((riser, riser.upper) for riser in risers)]
-    columns, upper, lower, stops, rows, follows = _columns(edges)
-    places, counts = form_kernels.profiles_of(
-        blocks.nearness,
-        columns,
-        upper,
-        lower,
-        rows,
-        follows,
-        stops,
-        np.array([surface.normal for surface, _ in edges]).reshape(-1, 3),
-        np.arange(len(edges)) >= len(fronts),
-        axes.ahead,
-        axes.right,
-        BIN_M,
-        BINS,
-        camera.pinhole,
-    )
-    curvatures, variances, middles = _curvatures(places, counts)
-    known = np.isfinite(variances)
-    if not known.any():
-        return Bow(curvature_1_m=0.0, sigma_1_m=math.inf, seen_aside_m=0.0)
-    curvature_1_m, sigma_1_m = pooled_mean(
-        curvatures[known], variances[known], np.zeros(np.count_nonzero(known), dtype=bool), STEP_BOWS
-    )
-    return Bow(
-        curvature_1_m=curvature_1_m,
-        sigma_1_m=math.hypot(sigma_1_m, CAMERA_BOW),
-        seen_aside_m=float(np.average(middles[known], weights=1.0 / variances[known])),
-    )
+    edges = [_seen_points(surface, end, camera) for surface, end in fronts] + [blocks.centres[riser.blocks] for riser in risers]
+    arcs = np.array([_arc(points, axes) for points in edges if len(points) >= ARC_POINTS]).reshape(-1, 2)
+    curvatures, widths_m = arcs[np.isfinite(arcs[:, 0])].T
+    if curvatures.size < 2:
+        return 0.0
+    weights = widths_m**4 / (widths_m**4).sum()
+    mean = float(weights @ curvatures)
+    sigma = np.sqrt(weights @ (curvatures - mean) ** 2 / (1.0 / (weights @ weights) - 1.0))
+    return mean if abs(mean) > ARC_SIGMAS * sigma else 0.0
 
 
-def _curvatures(
-    places: Float[np.ndarray, "s b"], counts: Float[np.ndarray, "s b"]
-) -> tuple[Float[np.ndarray, " s"], Float[np.ndarray, " s"], Float[np.ndarray, " s"]]:
-    """Return the curvature of each profile, its variance and mean lateral position; an infinite variance without a profile.
-
-    Errors of adjacent columns are correlated: the scatter of the bins gives the variance.
-    """
-    # Depth is ragged where a surface ends: the outermost bins do not belong to the profile.
-    filled = np.cumsum(counts > 0.0, axis=1)
-    weights = np.where((filled > 1) & (filled < filled[:, -1:]), counts, 0.0)
-    x = BIN_M * (np.arange(places.shape[1]) - places.shape[1] // 2)
-    middles = weights @ x / np.maximum(weights.sum(axis=1), 1.0)
-    t = x - middles[:, None]
-    by = np.stack([np.ones(t.shape), t, 0.5 * t * t], axis=1)
-    for _ in range(3):
-        used = np.count_nonzero(weights, axis=1)
-        weighted = by * weights[:, None, :]
-        inverse = np.linalg.inv(weighted @ by.transpose(0, 2, 1) + 1e-12 * np.eye(3))
-        shapes = inverse @ weighted @ places[:, :, None]
-        sizes = np.sqrt(weights) * np.abs(places - (shapes.transpose(0, 2, 1) @ by)[:, 0])
-        variances = np.where(used < LEAST_BINS, np.inf, (sizes**2).sum(axis=1) / np.maximum(used - 3, 1) * inverse[:, 2, 2])
-        medians = np.sort(sizes, axis=1)[np.arange(len(used)), sizes.shape[1] - 1 - used // 2]
-        weights = np.where(sizes <= KEPT_SIGMAS * medians[:, None], weights, 0.0)
-    return shapes[:, 2, 0], variances, middles
+def _seen_points(surface: Surface, end: Ends, camera: PinholeCamera) -> Float[np.ndarray, "k 3"]:
+    """Return the points in C of an end that neither an object nor the image border cuts off."""
+    seen = surface_kernels.in_view(end.rows, end.follows, camera.height_px)
+    rays = camera.pixel_to_point(end.columns[seen], end.rows[seen])
+    return np.asarray(rays / (rays @ surface.normal)[:, None])
 
 
-def turn_by(bow: Bow, sides: tuple[Side | None, Side | None]) -> tuple[float, float]:
-    """Return the angle by which a bow turns the edge in view from the chord of the flight, and its standard deviation [rad]."""
-    left, right = sides
-    if left is None or right is None or not bow.is_bowed:
-        return 0.0, bow.root_mean_square_1_m * UNSEEN_MIDDLE_M
-    middle = 0.5 * (left.aside_m + right.aside_m)
-    turn = bow.curvature_1_m * (middle - bow.seen_aside_m)
-    return turn, abs(TURN_SHARE * turn)
+def _arc(points: Float[np.ndarray, "k 3"], axes: Axes) -> tuple[float, float]:
+    """Return curvature [1/m] and width [m] of an edge, by the medians of its thirds; NaN for an edge without width."""
+    across = points[np.argsort(points @ axes.right)][: len(points) // 3 * 3] @ np.stack([axes.right, axes.ahead], axis=1)
+    aside, ahead = np.median(across.T.reshape(2, 3, -1), axis=2)
+    apart = np.diff(aside)
+    if not apart.min() > 0.0:
+        return math.nan, 0.0
+    slopes = np.diff(ahead) / apart
+    return float(2.0 * (slopes[1] - slopes[0]) / apart.sum()), float(apart.sum())

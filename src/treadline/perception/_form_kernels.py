@@ -1,11 +1,9 @@
-"""Column loops over matched surfaces, compiled: what follows at their sides, and the profiles of their edges."""
-
-import math
+"""Column loops over matched surfaces, compiled: what follows at their sides."""
 
 import numpy as np
 
 from treadline.core.kernel_cache import njit
-from treadline.perception._plane_segmentation_kernels import BEFORE, BORDER_PX
+from treadline.perception._plane_segmentation_kernels import BORDER_PX
 
 ROWS = 9
 """Number of rows in which the side of a surface is looked at."""
@@ -63,39 +61,3 @@ def sides_of(nearness, columns, upper, lower, stops, planes, right, look, jump, 
             walls[s, side] = nearer > max(further + empty, on_plane)
             opens[s, side] = not walls[s, side] and further + empty > on_plane
     return places, walls, opens
-
-
-@njit(cache=True, error_model="numpy")
-def profiles_of(nearness, columns, upper, lower, ends, follows, stops, planes, faces, ahead, right, bin_m, bins, pinhole):
-    """Return how far ahead the edge of each surface lies in bins across the flight, and the number of columns in each.
-
-    Args:
-        ends, follows: Rows of each surface's edge, and the codes of its surroundings.
-        faces: Whether the edge is the face of a riser, whose columns are averaged; otherwise it is the end of a tread.
-        ahead, right: Directions in C.
-        bins: Number of bins of ``bin_m``; the middle one is at the camera.
-    """
-    fx, fy, cx, cy = pinhole
-    places, counts = np.zeros((stops.size, bins)), np.zeros((stops.size, bins))
-    for s in range(stops.size):
-        plane = planes[s]
-        for k in range(stops[s - 1] if s else 0, stops[s]):
-            a, row, off, held = (columns[k] - cx) / fx, ends[k], 0.0, 0
-            if faces[s]:
-                for v in range(int(upper[k] + 1.5), int(lower[k] - 0.5)):
-                    w = nearness[columns[k], v]
-                    if w == w:
-                        off += w - plane[0] * a - plane[1] * (v - cy) / fy - plane[2]
-                        held += 1
-                if held < 3:
-                    continue
-                row, off = 0.5 * (upper[k] + lower[k]), off / held
-            elif follows[k] == BEFORE or not BORDER_PX <= row < nearness.shape[1] - BORDER_PX:
-                continue
-            b = (row - cy) / fy
-            w = plane[0] * a + plane[1] * b + plane[2] + off
-            place = int(math.floor((right[0] * a + right[1] * b + right[2]) / w / bin_m + 0.5)) + bins // 2
-            if 0 <= place < bins:
-                places[s, place] += (ahead[0] * a + ahead[1] * b + ahead[2]) / w
-                counts[s, place] += 1.0
-    return places / np.maximum(counts, 1.0), counts

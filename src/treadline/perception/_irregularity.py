@@ -21,17 +21,15 @@ def pooled_mean(
     values: Float[np.ndarray, " k"],
     variances: Float[np.ndarray, " k"],
     regular: Bool[np.ndarray, " k"],
-    sizes: Float[np.ndarray, " g"] = TURNS,
-    common: Float[np.ndarray, " k"] | float = 0.0,
+    common: Float[np.ndarray, " k"],
 ) -> tuple[float, float]:
-    """Return the pooled mean of values with known noise and an unknown common irregularity, and its standard deviation.
+    """Return the pooled mean of angles with known noise and an unknown common irregularity, and its standard deviation.
 
     Args:
         regular: Mask of measurements without irregularity: gravity.
-        sizes: Grid of the irregularity, in the unit of the values.
         common: Change of each value by one standard deviation of an error that they have in common.
     """
-    spread = variances[None, :] + np.where(regular, 0.0, 1.0)[None, :] * sizes[:, None] ** 2
+    spread = variances[None, :] + np.where(regular, 0.0, 1.0)[None, :] * TURNS[:, None] ** 2
     precision = 1.0 / spread
     # Sherman-Morrison: the common error adds the product of ``common`` with itself to the covariance.
     shared = precision * common

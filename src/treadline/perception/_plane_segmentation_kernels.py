@@ -522,7 +522,7 @@ def fit_line(u, v, near, line):
 
 
 @njit(cache=True, error_model="numpy")
-def _in_view(rows, follows, height):
+def in_view(rows, follows, height):
     """Return the mask of columns in which neither an object in front nor the image border ends a surface."""
     return (follows != BEFORE) & (rows >= BORDER_PX) & (rows < height - BORDER_PX)
 
@@ -550,7 +550,7 @@ def nosing_line(columns, rows, follows, plane, height, near, least, aliasing, pi
     majority = BEYOND if 2 * np.count_nonzero(follows == BEYOND) >= known else CREASE
     u, v = columns.astype(np.float64), rows
     for what in (majority, UNKNOWN):
-        usable = _in_view(rows, follows, height) if what == UNKNOWN else follows == what
+        usable = in_view(rows, follows, height) if what == UNKNOWN else follows == what
         u, v = columns[usable].astype(np.float64), rows[usable]
         if u.size < max(least, (follows.size if what == UNKNOWN else known) // 2):
             continue
@@ -591,7 +591,7 @@ def height_of_end(columns, rows, follows, plane, up, height, pinhole):
     Args:
         height: Number of image rows.
     """
-    seen = _in_view(rows, follows, height)
+    seen = in_view(rows, follows, height)
     x, y = (columns[seen] - pinhole[2]) / pinhole[0], (rows[seen] - pinhole[3]) / pinhole[1]
     if 2 * x.size < columns.size or x.size == 0:
         return np.nan

@@ -22,7 +22,7 @@ from treadline.core.rotations import Rotation, Vector3
 from treadline.core.signals import StairMap
 from treadline.perception._acceptance import Finding, lacking_evidence, refusal_of
 from treadline.perception._edge_fit import EdgeFit, fit_edges
-from treadline.perception._form import bow_of, lateral_ends_of, sides_of, turn_by
+from treadline.perception._form import bow_of, lateral_ends_of, sides_of
 from treadline.perception._gravity_direction import GRAVITY_SIGMA, down_of_treads, levelled, off_gravity
 from treadline.perception._lattice import EVIDENCE, LEAST_BLOCKS, UNCONFIRMED, UPRIGHT, Scene, flight_in, scene_of
 from treadline.perception._plane_segmentation import PlanarBlocks, Surface, reduced, surface_blocks, uncertain_blocks
@@ -209,14 +209,10 @@ class _Search:
         in_view = Axes(ahead=fit.ahead, up=-fit.down, right=fit.edge)
         fronts = [(tread.surface, tread.nosing_end(in_view, flight.direction)) for _, on, tread in flight.matched_treads if on]
         sides = sides_of(lateral_ends_of([*(tread for tread, _ in fronts), *flight.risers], blocks, camera, in_view))
-        bow = bow_of(fronts, flight.risers, blocks, camera, in_view)
-        turn, turn_sigma = turn_by(bow, sides)
-        chord = fit.edge + turn * fit.ahead
-        chord /= np.linalg.norm(chord)
         # The chair's right is the image's left for a rear camera.
-        edge = chord if float((R_BC @ chord)[1]) < 0.0 else -chord
+        edge = fit.edge if float((R_BC @ fit.edge)[1]) < 0.0 else -fit.edge
         heading, change = _heading(edge, R_BC)
-        sigma = float(np.hypot(fit.sigma_of(change), turn_sigma))
+        sigma = fit.sigma_of(change)
         level = axes_of(viewing_direction(R_BC) * edge, down.reference, down.sigma_rad, flight, blocks, camera)
         shape = shape_of_single(flight) if flight.is_single else shape_of(flight, blocks, camera, level, fit.warp_px)
         cause = refusal_of(
@@ -224,7 +220,7 @@ class _Search:
                 flight=flight,
                 fit=fit,
                 shape=shape,
-                bow=bow,
+                bow_1_m=bow_of(fronts, flight.risers, blocks, camera, in_view),
                 sides=sides,
                 heading_rad=heading,
                 sigma_rad=sigma,

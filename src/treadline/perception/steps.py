@@ -132,11 +132,17 @@ def steps_of(scene: Scene, flight: Flight, fit: EdgeFit) -> tuple[Step, ...]:
 
 
 def steps_without_flight(scene: Scene) -> tuple[Step, ...]:
-    """Return the steps of a frame without a straight flight, the lowest first: each between two levels, or below another step."""
+    """Return the steps of a frame without a straight flight, the lowest first: two at least, one on top of the other.
+
+    A single box on the floor is as high as a step.
+    """
     edges = _chain(scene, list(_uprights(scene, np.ones(scene.upright.size, dtype=np.bool_))), None, None, scene.level.up)
-    heights_m = [float(tread.surface.centre @ scene.level.up) for tread in scene.treads]
-    feet_m = [edge.top_m - edge.rise_m for edge in edges]
-    return _named(scene, [e for e in edges if min(abs(e.top_m - z) for z in [*heights_m, *feet_m]) < SIGMAS * TOP_SIGMA_M], None)
+    ends_m = [(edge.top_m - edge.rise_m, edge.top_m) for edge in edges]
+    limit_m = SIGMAS * TOP_SIGMA_M
+    stacked = [
+        any(min(abs(foot_m - above_m), abs(top_m - below_m)) < limit_m for below_m, above_m in ends_m) for foot_m, top_m in ends_m
+    ]
+    return _named(scene, list(itertools.compress(edges, stacked)), None)
 
 
 def _named(scene: Scene, edges: list[_Edge], flight: Flight | None) -> tuple[Step, ...]:
