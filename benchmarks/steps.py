@@ -24,13 +24,14 @@ from typing import Any
 import numpy as np
 from scenes.scores import percent
 from tables import frame_options, markdown, seeds_of
-from turned_stairs import STAIRS, StepFrame, TrueStep, draw_frame, plan_axes
+from turned_stairs import STAIRS, StepFrame, TrueStep, draw_frame
 
 from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera, RgbdFrame, black
 from treadline.core.rotations import Vector3
 from treadline.perception import DetectorConfig, StairDetector
 from treadline.perception.free_ground import SWEPT_HALF_M, ground_ahead
+from treadline.perception.steps import Step
 
 SENSORS = ("stereo", "kinect1", "tof")
 IMAGES = ((640, 480), (320, 240), (640, 480))
@@ -55,6 +56,8 @@ class ClaimedEdge:
     direction_rad: float | None
     """Direction of the way across it, positive to the left."""
     rise_m: float | None
+    sigma_rad: float = math.inf
+    """Standard deviation of the direction."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,30 +88,23 @@ def claims_of(frame: RgbdFrame, gravity_C: Vector3, swept_half_m: float | None) 
     if ground is not None and ground.end_m is not None:
         turn_rad = ground.direction_rad or 0.0
         middle_m = ground.end_m + SWEPT_HALF_M * abs(math.tan(turn_rad))
-        drop = ClaimedEdge(at_m=(0.0, middle_m), direction_rad=ground.direction_rad, rise_m=None)
-    turns = any(word in (sight.reason or "") for word in ("wind", "not straight"))
-    if (
-        stair is None
-        or sight.heading_rad is None
-        or sight.sigma_rad is None
-        or sight.shape is None
-        or sight.edge_direction_C is None
-    ):
-        return Claims(is_flight=False, drop=drop, names_turn=turns, spent_ms=spent_ms)
-    axes, shape = plan_axes(frame.camera, gravity_C), sight.shape
-    places = np.array(stair.nosings_B) @ axes[0]
-    along = axes @ frame.camera.R_BC @ sight.edge_direction_C
-    way_rad = math.atan2(along[0], -along[1])
-    edges = [ClaimedEdge(at_m=(0.0, float(at)), direction_rad=way_rad, rise_m=shape.rise_m) for at in places]
-    return Claims(
-        is_flight=math.isfinite(shape.run_sigma_m),
-        edges=tuple(edges),
-        drop=drop,
-        end_known=stair.ends,
-        names_turn=turns,
-        measured=(sight.heading_rad, sight.sigma_rad, shape.rise_m, shape.rise_sigma_m),
-        spent_ms=spent_ms,
-    )
+        drop = ClaimedEdge(
+            at_m=(0.0, middle_m), direction_rad=ground.direction_rad, rise_m=None if ground.drop_m is None else -ground.drop_m
+        )
+    edges = tuple(_claimed(step) for step in sight.steps)
+    is_named = sight.turn is not None or any(word in (sight.reason or "") for word in ("wind", "not straight"))
+    said = Claims(is_flight=False, edges=edges, drop=drop, names_turn=is_named, spent_ms=spent_ms)
+    if stair is None or sight.heading_rad is None or sight.sigma_rad is None or sight.shape is None:
+        return said
+    shape = sight.shape
+    measured = (sight.heading_rad, sight.sigma_rad, shape.rise_m, shape.rise_sigma_m)
+    ends = stair.ends or stair.turn_rad is not None
+    return replace(said, is_flight=math.isfinite(shape.run_sigma_m), end_known=ends, measured=measured)
+
+
+def _claimed(step: Step) -> ClaimedEdge:
+    ahead_m, left_m = np.mean(step.edge_m, axis=0).tolist()
+    return ClaimedEdge(at_m=(-left_m, ahead_m), direction_rad=step.direction_rad, sigma_rad=step.sigma_rad, rise_m=step.rise_m)
 
 
 def matches(claim: ClaimedEdge, true: TrueStep, view: StepFrame) -> bool:
@@ -130,13 +126,13 @@ def views(name: str, seeds: range, **options: Any) -> Iterator[StepFrame]:
 
 TURN_COLUMNS = (
     "| | frames | accepted as straight | with an edge that is not there | end not known | turn named | turned edges measured "
-    "| error, median and 90 % | ms (median) |"
+    "| error, median and 90 % | within 1° | in 95 % | ms (median) |"
 )
 
 
 def turn_row(label: str, frames: Iterator[StepFrame]) -> str:
     """Return what is made of stairs that turn."""
-    counts, spent, turned, errors = np.zeros(5, int), [], 0, list[float]()
+    counts, spent, turned, errors = np.zeros(5, int), [], 0, list[tuple[float, float]]()
     for view in frames:
         said = claims_of(view.frame, view.gravity_C, None)
         spent.append(said.spent_ms)
@@ -146,12 +142,19 @@ def turn_row(label: str, frames: Iterator[StepFrame]) -> str:
         for true in view.steps:
             if true.visible > VISIBLE and abs(true.direction_rad - view.steps[0].direction_rad) > ALIKE_RAD:
                 turned += 1
-                found = [edge.direction_rad for edge in said.edges if edge.direction_rad is not None and matches(edge, true, view)]
-                errors += [abs(found[0] - true.direction_rad) / DEG] if found else []
+                found = [edge for edge in said.edges if edge.direction_rad is not None and matches(edge, true, view)]
+                off_rad = found[0].direction_rad - true.direction_rad if found and found[0].direction_rad is not None else 0.0
+                errors += [(abs(off_rad) / DEG, abs(off_rad) / found[0].sigma_rad)] if found else []
     count, straight, false, endless, named = counts.tolist()
-    size = f"{np.median(errors):.2f}°, {np.quantile(errors, 0.9):.2f}°" if errors else ""
+    off_deg, sigmas = np.array(errors).reshape(-1, 2).T
+    size = f"{np.median(off_deg):.2f}°, {np.quantile(off_deg, 0.9):.2f}°" if errors else ""
+    shares = (
+        f"{percent(int(np.sum(off_deg <= 1.0)), len(errors))} | {percent(int(np.sum(sigmas < 1.96)), len(errors))}"
+        if errors
+        else " | "
+    )
     cells = (percent(straight, count), percent(false, count), f"{endless} of {straight}", percent(named, count))
-    return f"| {label} | {count} | {' | '.join(cells)} | {len(errors)} of {turned} | {size} | {np.median(spent):.1f} |"
+    return f"| {label} | {count} | {' | '.join(cells)} | {len(errors)} of {turned} | {size} | {shares} | {np.median(spent):.1f} |"
 
 
 def turn_rows(seeds: range) -> Iterator[str]:
