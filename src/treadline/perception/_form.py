@@ -24,6 +24,9 @@ LOOK_SHARE = 24
 """Image width divided by the largest number of columns past a surface's end in which its surroundings are looked for."""
 SAME_SIDE_M = 0.05
 """Largest lateral distance of ends at one side [m]."""
+CAMERA_BOW = 0.4
+"""Standard deviation of the curvature that a depth warp of 1 px of Kinect disparity gives all edges alike [1/m]: 1.5 m away 0.05 px
+bend half a metre by 2.5 mm."""
 ARC_SIGMAS = 3.0
 """Least curvature of bowed edges in standard deviations of its mean: by chance one straight flight in 370."""
 ARC_POINTS = 9
@@ -106,7 +109,12 @@ def _side(end: LateralEnds, way: int) -> Side | None:
 
 
 def bow_of(
-    fronts: Sequence[tuple[Surface, Ends]], risers: Sequence[Surface], blocks: PlanarBlocks, camera: PinholeCamera, axes: Axes
+    fronts: Sequence[tuple[Surface, Ends]],
+    risers: Sequence[Surface],
+    blocks: PlanarBlocks,
+    camera: PinholeCamera,
+    axes: Axes,
+    warp_px: float,
 ) -> float:
     """Return the mean curvature of the edges in the horizontal plane, positive for ends further away [1/m]; 0 for straight ones.
 
@@ -114,6 +122,7 @@ def bow_of(
 
     Args:
         fronts: Treads whose front is a nosing, with that end.
+        warp_px: Size of the depth warp, which bends all edges alike [px of Kinect disparity].
     """
     edges = [_seen_points(surface, end, camera) for surface, end in fronts] + [blocks.centres[riser.blocks] for riser in risers]
     arcs = np.array([_arc(points, axes) for points in edges if len(points) >= ARC_POINTS]).reshape(-1, 2)
@@ -122,8 +131,8 @@ def bow_of(
         return 0.0
     weights = widths_m**4 / (widths_m**4).sum()
     mean = float(weights @ curvatures)
-    sigma = np.sqrt(weights @ (curvatures - mean) ** 2 / (1.0 / (weights @ weights) - 1.0))
-    return mean if abs(mean) > ARC_SIGMAS * sigma else 0.0
+    variance = float(weights @ (curvatures - mean) ** 2 / (1.0 / (weights @ weights) - 1.0))
+    return mean if abs(mean) > ARC_SIGMAS * math.hypot(math.sqrt(variance), CAMERA_BOW * warp_px) else 0.0
 
 
 def _seen_points(surface: Surface, end: Ends, camera: PinholeCamera) -> Float[np.ndarray, "k 3"]:

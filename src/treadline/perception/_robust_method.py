@@ -220,7 +220,7 @@ class _Search:
                 flight=flight,
                 fit=fit,
                 shape=shape,
-                bow_1_m=bow_of(fronts, flight.risers, blocks, camera, in_view),
+                bow_1_m=bow_of(fronts, flight.risers, blocks, camera, in_view, fit.warp_px),
                 sides=sides,
                 heading_rad=heading,
                 sigma_rad=sigma,
