@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from resting_chair import flight
 from stair_world import JUST_TOO_HIGH_M, STEEPER, TICK_S, Spoil, World, rising_by, steps, without
-from world import RUN_M
+from world import RISE_M, RUN_M
 
 from treadline.core.angles import DEG
 from treadline.core.signals import OperatorInput, StairMap
@@ -313,6 +313,22 @@ def test_up_it_drives_the_whole_way_in_order_fast_far_from_the_stair_and_slow_on
     assert all(0.0 < plan.speed_m_s <= 0.2 for plan in world.plans[began : began + 25])
     world.run(limit_s=0.5)
     assert (world.plans[-1].speed_m_s, world.plans[-1].turn_m_s) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("more_m", [-0.02, -0.01, 0.0, 0.01, 0.02])
+def test_the_first_step_is_measured_and_the_belts_lie_on_two_nosings_as_the_traction_test_begins(more_m: float) -> None:
+    """Test: floor covering lowers or raises the first step. Expected result: its rise is known within 2 mm, and
+    while the belts speed up to 0.2 m/s the chair turns by less than 0.2°: over a change of contact it turned at 30 °/s."""
+    first_m = RISE_M + more_m
+    world = World(nosings=flight((first_m, RUN_M), *[(RISE_M, RUN_M)] * 7))
+    world.run("traction")
+    around = world.now.around
+    assert around is not None
+    assert around.rise_m == pytest.approx(first_m, abs=0.002)
+    turned = [world.pitch_rad]
+    while world.tick().phase == "traction":
+        turned.append(world.pitch_rad)
+    assert max(turned) - min(turned) < 0.2 * DEG
 
 
 def test_before_the_foot_it_brakes_gently_and_needs_no_stair_in_view() -> None:

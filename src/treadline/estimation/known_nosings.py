@@ -32,7 +32,7 @@ class KnownNosings:
     pitch_rad: float
     nosings: tuple[KnownNosing, ...]
     rise_m: float = 0.0
-    """Rise of the flight [m]: below a single step the floor."""
+    """Height of the first nosing above the floor [m]: the flight's rise where it was not measured."""
 
     @property
     def top(self) -> KnownNosing:

@@ -10,6 +10,7 @@ from treadline.estimation.stair_tracker import Side
 from treadline.mission._flipper_planner import ride
 from treadline.mission._motions import Motions, aside_rad, driving
 from treadline.mission._situation import ASIDE_M, KEEPS_M, LEVEL_RAD, Situation
+from treadline.mission.follow import PLACE_SIGMA_M
 
 LOOK_M = 2.5
 """Travel over a landing to find the next flight [m]: from further away only its first step is in view, or its edge hides it."""
@@ -175,14 +176,12 @@ def mounts_the_crest(now: Situation) -> str | None:
 
 
 def lies_on_two_nosings(now: Situation) -> str | None:
-    """The belts lie on two nosings, the rear still on the floor."""
-    ahead, stair = now.stair.ahead_m(), now.stair
-    if len(ahead) < 2 or ahead[0] >= _lift_off_m(now) or stair.pitch_rad <= stair.slope_rad - OFF_RAD:
+    """The belts lie on two nosings, the rear just off the floor: the traction test speeds up over no change of contact."""
+    around, stair = now.around, now.stair
+    if around is None or len(around.nosings) < 2 or stair.pitch_rad <= stair.slope_rad - OFF_RAD:
+        return None
+    slope, radius = stair.slope_rad, now.config.chair.tracks.pulley_radius_m
+    lifts_m = around.rise_m / math.sin(slope) - radius * math.tan(0.5 * slope) - now.pivot_m
+    if around.nosings[0].ahead_m >= lifts_m - PLACE_SIGMA_M:
         return None
     return f"the belts lie on two nosings, pitch {stair.pitch_rad / DEG:.1f}°"
-
-
-def _lift_off_m(now: Situation) -> float:
-    """Return the distance of the first nosing ahead of mid-track at which belts on two nosings lift the rear pulley [m]."""
-    slope, radius = now.stair.slope_rad, now.config.chair.tracks.pulley_radius_m
-    return now.stair.rise_m / math.sin(slope) - radius * math.tan(0.5 * slope) - now.pivot_m

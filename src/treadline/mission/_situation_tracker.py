@@ -6,6 +6,7 @@
 import math
 from dataclasses import replace
 
+from treadline.control.flipper import LIES_RAD
 from treadline.core.signals import FlipperReading, HeadingEstimate, ImuSample, OperatorInput, Phase, StairMap, TrackReading
 from treadline.estimation.stair_tracker import StairTracker
 from treadline.mission._situation import SIDE_M, Crossing, Situation, Way
@@ -40,10 +41,12 @@ class SituationTracker:
         self._narrow_maps = 0
         self._judged = (0, False)
         """Number of maps when the stair was last judged, and whether the chair was about to enter."""
+        self._first_rise_m = 0.0
+        """Rise of the first step above the floor on which the chair stood before it [m]; 0 if it stood on none."""
 
     def face_next_flight(self) -> None:
         """Begin with the flight across the landing."""
-        self._narrow_maps, self._judged = 0, (0, False)
+        self._narrow_maps, self._judged, self._first_rise_m = 0, (0, False), 0.0
         now = replace(self.now, flights_done=self.now.flights_done + 1, stair=StairTracker(), crossing=Crossing())
         self.now = replace(now, is_narrow=False, has_entered=False, goes_back=False, presses=False)
 
@@ -80,6 +83,12 @@ class SituationTracker:
         if here_m > self._furthest_m + FURTHER_M:
             self._furthest_m, stalled_s = here_m, 0.0
         around = stair.around(before.pivot_m)
+        if around is not None:
+            # The first step may have a floor covering, of 20 mm: maps measure it from a chair that stands before it.
+            first, pitch = around.nosings[0], around.pitch_rad
+            if abs(pitch) < LIES_RAD and first.ahead_m > before.config.chair.reach_m:
+                self._first_rise_m = first.ahead_m * math.sin(pitch) + first.above_m * math.cos(pitch)
+            around = replace(around, rise_m=self._first_rise_m or around.rise_m)
         self.now = replace(self.now, t_s=t_s, estimate=estimate, stalled_s=stalled_s, around=around)
 
     def _place_map(self, estimate: HeadingEstimate | None) -> None:

@@ -1,4 +1,4 @@
-"""Traction test: accelerate on two nosings, the rear still on the floor, with slightly more friction demand than the flight needs.
+"""Traction test: accelerate on two nosings, the rear just off the floor, with slightly more friction demand than the flight needs.
 
 ``ImuSample, TrackReading -> belt speed, slip, verdict``; hazard 15. At pitch θ and acceleration a the belts need friction of
 tan θ + a/(g·cos θ); a is chosen such that this equals (1 + share)·tan β. With less friction the chair falls behind its belts. Its
