@@ -66,7 +66,8 @@ def climb(now: Situation, motions: Motions) -> MotionPlan:
     if now.presses:
         return driving(now, 0.0, 0.0, turn_to(now, PRESSES_RAD))
     if command is not None and command.leads:
-        return driving(now, command.speed_m_s, motions.steering(now, blind=True), command.flipper)
+        plan = driving(now, command.speed_m_s, motions.steering(now, blind=True), command.flipper)
+        return replace(plan, pitch_feedforward_m_s=motions.pitch_feedforward(now, allowed=command.is_unloaded))
     if command is not None and command.is_slow:
         plan = driving(now, SLOW_M_S, motions.steering(now, blind=True), ride(now))
         return replace(plan, pitch_feedforward_m_s=motions.pitch_feedforward(now))
