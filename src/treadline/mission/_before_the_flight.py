@@ -176,10 +176,11 @@ def mounts_the_crest(now: Situation) -> str | None:
 
 
 def lies_on_two_nosings(now: Situation) -> str | None:
-    """The belts lie on two nosings, the rear just off the floor: the traction test speeds up over no change of contact."""
+    """The belts lie on two nosings, the rear just off the floor."""
     around, stair = now.around, now.stair
     if around is None or len(around.nosings) < 2 or stair.pitch_rad <= stair.slope_rad - OFF_RAD:
         return None
+    # Belts on two nosings lift the rear pulley here. Before, the traction test would speed up over a change of contact.
     slope, radius = stair.slope_rad, now.config.chair.tracks.pulley_radius_m
     lifts_m = around.rise_m / math.sin(slope) - radius * math.tan(0.5 * slope) - now.pivot_m
     if around.nosings[0].ahead_m >= lifts_m - PLACE_SIGMA_M:
