@@ -65,12 +65,11 @@ def climb(now: Situation, motions: Motions) -> MotionPlan:
     command = now.crossing.command
     if now.presses:
         return driving(now, 0.0, 0.0, turn_to(now, PRESSES_RAD))
-    if command is not None and command.leads:
-        plan = driving(now, command.speed_m_s, motions.steering(now, blind=True), command.flipper)
-        return replace(plan, pitch_feedforward_m_s=motions.pitch_feedforward(now, allowed=command.is_unloaded))
-    if command is not None and command.is_slow:
-        plan = driving(now, SLOW_M_S, motions.steering(now, blind=True), ride(now))
-        return replace(plan, pitch_feedforward_m_s=motions.pitch_feedforward(now))
+    if command is not None and (command.leads or command.is_slow):
+        speed, flipper = (command.speed_m_s, command.flipper) if command.leads else (SLOW_M_S, ride(now))
+        plan = driving(now, speed, motions.steering(now, blind=True), flipper)
+        allowed = command.is_unloaded or not command.leads
+        return replace(plan, pitch_feedforward_m_s=motions.pitch_feedforward(now, allowed=allowed))
     aim_rad, estimate = aside_rad(now), now.estimate
     return replace(
         now.still,
@@ -80,7 +79,6 @@ def climb(now: Situation, motions: Motions) -> MotionPlan:
         min_inner_speed_ratio=None if estimate is None else inner_speed_ratio(estimate.heading_rad - aim_rad),
         pitch_feedforward_m_s=motions.pitch_feedforward(now, aim_rad),
         flipper=ride(now, aim_rad),
-        needs_stair=command is None or not command.is_slow,
     )
 
 
