@@ -84,9 +84,10 @@ class SituationTracker:
             self._furthest_m, stalled_s = here_m, 0.0
         around = stair.around(before.pivot_m)
         if around is not None:
-            # The first step may have a floor covering, of 20 mm: maps measure it from a chair that stands before it.
+            # The first step may have a floor covering, of 20 mm: maps measure it from a chair before it, behind no sill.
             first, pitch = around.nosings[0], around.pitch_rad
-            if abs(pitch) < LIES_RAD and first.ahead_m > before.config.chair.reach_m:
+            is_before = abs(pitch) < LIES_RAD and first.ahead_m > before.config.chair.reach_m
+            if is_before and not any(sill.end == "foot" for sill in before.sills):
                 self._first_rise_m = first.ahead_m * math.sin(pitch) + first.above_m * math.cos(pitch)
             around = replace(around, rise_m=self._first_rise_m or around.rise_m)
         self.now = replace(self.now, t_s=t_s, estimate=estimate, stalled_s=stalled_s, around=around)
