@@ -145,8 +145,8 @@ def test_two_sources_of_a_sensor_are_held_and_named_within_a_second(roscore: dic
     started.append(subprocess.Popen([*pub, "{position: [0.1, 1.0]}"], env=roscore))
     took, said = listener.communicate(timeout=60)[0].split(maxsplit=1)
     for process in started:
-        process.kill()
-        process.wait()
+        process.terminate()  # so that it leaves the master
+        process.wait(20)
     assert float(took) < 1.0
     assert re.match(r"two sources of /seat/state, /rostopic_\S+ and /rostopic_\S+; stop one of them", said)
 
