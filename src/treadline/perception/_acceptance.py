@@ -11,7 +11,7 @@ import numpy as np
 
 from treadline.core.angles import DEG
 from treadline.core.step_sizes import RISE_M, RUN_M
-from treadline.perception._edge_fit import EdgeFit
+from treadline.perception._edge_fit import LEFT_OUT, EdgeFit
 from treadline.perception._form import Side
 from treadline.perception._lattice import EVIDENCE
 from treadline.perception._stair_shape import StairShape
@@ -111,14 +111,17 @@ def _winding(finding: Finding) -> str | None:
     flight, fit = finding.flight, finding.fit
     turned_rad = fit.turn_per_step_rad * float(np.mean([nosing.ahead_m for nosing in flight.nosings])) / flight.run_m
     if fit.winding > CERTAIN and abs(turned_rad) > FORM_LIMIT:
-        turn_deg, margin_deg = fit.turn_per_step_rad / DEG, 1.96 * fit.turn_sigma_rad / DEG
-        side = "left" if turn_deg > 0.0 else "right"
-        return f"the flight winds by {abs(turn_deg):.1f} ± {margin_deg:.1f}° per step to the {side}"
+        return f"the flight winds by {_turn_text(fit)}"
     if fit.agreeing < AGREEING or (fit.agreeing * len(flight.nosings) < 1.5 and not flight.is_single):
         return f"the flight is not straight: nosings turned by up to {fit.widest_rad / DEG:.1f}° against each other"
     if sum(nosing.has_direction for nosing in flight.nosings) < STRAIGHT_LEAST and not flight.is_single:
         return "too little is in view: one edge has a direction, and a straight flight is not distinguished from winders"
     return None
+
+
+def _turn_text(fit: EdgeFit) -> str:
+    side = "left" if fit.turn_per_step_rad > 0.0 else "right"
+    return f"{abs(fit.turn_per_step_rad) / DEG:.1f} ± {1.96 * fit.turn_sigma_rad / DEG:.1f}° per step to the {side}"
 
 
 def _bowed(finding: Finding) -> str | None:
@@ -133,6 +136,8 @@ def _uncertain(finding: Finding) -> str | None:
     if finding.sigma_rad <= SIGMA_LIMIT:
         return None
     cause = "the flight is too far away, or too little of it is in view"
+    if finding.fit.winding > LEFT_OUT and abs(finding.fit.turn_per_step_rad) > 1.96 * finding.fit.turn_sigma_rad:
+        cause = f"the flight may wind by {_turn_text(finding.fit)}"
     return f"{cause}: heading known to ±{1.96 * finding.sigma_rad / DEG:.1f}°, ±{1.96 * SIGMA_LIMIT / DEG:.1f}° needed"
 
 
