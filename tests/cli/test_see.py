@@ -16,6 +16,7 @@ from treadline.core.angles import DEG
 from treadline.core.camera_images import RgbdFrame
 from treadline.io.frames import read_frame
 from treadline.scenario.camera_file import read_camera
+from treadline.scenario.scenario import read_scenario
 
 from .conftest import Outcome, assert_refused
 
@@ -81,6 +82,14 @@ def test_a_recorded_frame_gives_the_heading_and_all_keys(run, folder: Path) -> N
     # 1 cm on a rise of 0.16 m and a run of 0.30 m: levels are medians of noisy blocks.
     assert seen["stair"]["rise_m"] == pytest.approx(0.30 * np.tan(28.0 * DEG), abs=0.01)
     assert seen["stair"]["run_m"] == pytest.approx(0.30, abs=0.01)
+
+
+def test_the_measured_stair_is_written_as_a_scenario(run, folder: Path) -> None:
+    assert run("see", folder, "--stair", folder / "measured.toml").code == 0
+    stair = read_scenario(folder / "measured.toml").stair
+    # As above: 1 cm on a rise of 0.16 m and a run of 0.30 m.
+    assert stair.rise_m == pytest.approx(0.30 * np.tan(28.0 * DEG), abs=0.01)
+    assert stair.run_m == pytest.approx(0.30, abs=0.01)
 
 
 def test_turned_images_are_refused_with_the_value_to_set(run, folder: Path) -> None:
