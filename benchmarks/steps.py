@@ -108,13 +108,13 @@ def _claimed(step: Step) -> ClaimedEdge:
 
 
 def matches(claim: ClaimedEdge, true: TrueStep, view: StepFrame) -> bool:
-    """Return whether a claimed edge is a true one: near its line, between its ends or up to 0.5 m beside, and turned alike."""
+    """Return whether a claimed edge is a true one: near its line, between its ends or 0.5 m next to them, and turned alike."""
     left, right = true.edge + view.camera_at[:2]
     along = (right - left) / np.linalg.norm(right - left)
     offset = np.array(claim.at_m) - left
-    beside, across = float(offset @ along), float(offset[0] * along[1] - offset[1] * along[0])
+    along_m, across = float(offset @ along), float(offset[0] * along[1] - offset[1] * along[0])
     turned = 0.0 if claim.direction_rad is None else abs(claim.direction_rad - true.direction_rad)
-    return abs(across) < AT_M and -0.5 < beside < float(np.linalg.norm(right - left)) + 0.5 and turned < ALIKE_RAD
+    return abs(across) < AT_M and -0.5 < along_m < float(np.linalg.norm(right - left)) + 0.5 and turned < ALIKE_RAD
 
 
 def views(name: str, seeds: range, **options: Any) -> Iterator[StepFrame]:

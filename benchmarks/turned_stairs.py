@@ -79,18 +79,18 @@ class Front:
 
 
 @dataclass(slots=True, kw_only=True)
-class Scene:
+class Solids:
     """Solids, and the edges between their levels."""
 
     solids: list[Prism] = field(default_factory=list)
     fronts: list[Front] = field(default_factory=list)
 
-    def mirrored(self) -> "Scene":
+    def mirrored(self) -> "Solids":
         """Return the mirror image, left and right exchanged."""
         flip = np.array([1.0, -1.0])
         solids = [replace(one, outline=(one.outline * flip)[::-1], grade=(one.grade[0], -one.grade[1])) for one in self.solids]
         fronts = [replace(one, ends=(one.ends * flip)[::-1], outline=(one.outline * flip)[::-1]) for one in self.fronts]
-        return Scene(solids=solids, fronts=fronts)
+        return Solids(solids=solids, fronts=fronts)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -236,15 +236,15 @@ def quarter_turn(count: int, width_m: float) -> Part:
 
 
 def half_turn(width_m: float, deep_m: float, beyond_m: float) -> Part:
-    """Return a landing whose next flight goes back beside the first, its middle further left by ``beyond_m``."""
+    """Return a landing whose next flight goes back next to the first, its middle further left by ``beyond_m``."""
     half = 0.5 * width_m
     border = [(0.0, -half), (deep_m, -half), (deep_m, half + beyond_m), (0.0, half + beyond_m)]
     return [("landing", [*border, (0.0, half)], 4)], (0.0, beyond_m, math.pi)
 
 
-def staircase(parts: Sequence[Part], rise_m: float, rng: np.random.Generator) -> Scene:
+def staircase(parts: Sequence[Part], rise_m: float, rng: np.random.Generator) -> Solids:
     """Return a staircase of parts up from the floor, with walls, balustrades or neither at each side, in a room."""
-    scene, place, yaw_rad, level_m = Scene(), np.zeros(2), 0.0, 0.0
+    scene, place, yaw_rad, level_m = Solids(), np.zeros(2), 0.0, 0.0
     right_m, left_m = (float(rng.choice([0.0, 0.9, 6.0])) for _ in range(2))
     is_open = rng.random() < 0.15
     for levels, (ahead, left, turn) in parts:
@@ -272,7 +272,7 @@ def enclosure(low: np.ndarray, high: np.ndarray, rng: np.random.Generator) -> li
     return [box(0.5 * (low + high), high - low, -DEEP_M, 0.0), *walls]
 
 
-def edge_scene(kind: Kind, size_m: float, distance_m: float, direction_rad: float, rng: np.random.Generator) -> Scene:
+def edge_scene(kind: Kind, size_m: float, distance_m: float, direction_rad: float, rng: np.random.Generator) -> Solids:
     """Return a floor with a kerb or a drop of a size at a distance ahead of the origin, across a direction."""
     ahead, left = rotation_z(direction_rad)[:2, :2].T
     near, level_m = np.array([distance_m, 0.0]), size_m if kind == "kerb" else -size_m
@@ -280,7 +280,7 @@ def edge_scene(kind: Kind, size_m: float, distance_m: float, direction_rad: floa
     ends = np.array([near + 6.0 * left, near - 6.0 * left])
     front = Front(ends=ends, level_m=max(level_m, 0.0), rise_m=level_m, kind=kind, outline=far.outline)
     back = box(near + rng.uniform(2.0, 5.5) * ahead, (0.1, 12.0), -2.0, 3.0, direction_rad)
-    return Scene(solids=[far, own, *([back] if rng.random() < 0.5 else [])], fronts=[front])
+    return Solids(solids=[far, own, *([back] if rng.random() < 0.5 else [])], fronts=[front])
 
 
 LEGS = [(x, y, 0.05, 0.05, 0.0, 0.95) for x in (-0.45, 0.45) for y in (-0.45, 0.45)]
@@ -298,7 +298,7 @@ FURNITURE: dict[str, tuple[tuple[float, float, float], list[tuple[float, ...]]]]
 """Sizes of furniture [m], and their parts relative to them: middle and size in plan, lower and upper end."""
 
 
-def room(rng: np.random.Generator) -> Scene:
+def room(rng: np.random.Generator) -> Solids:
     """Return a room with up to six pieces of furniture, and a ramp of up to 10 % in a third of the rooms."""
     solids = enclosure(np.array([-1.0, -1.2]), np.array([rng.uniform(1.2, 4.0), 1.2]), rng)
     for name in rng.choice(list(FURNITURE), rng.integers(0, 7)):
@@ -313,7 +313,7 @@ def room(rng: np.random.Generator) -> Scene:
         grade, start_m = rng.uniform(0.03, 0.10), rng.uniform(0.6, 1.8)
         ramp = box((start_m + 2.0, 0.0), (4.0, rng.uniform(1.0, 3.0)), -DEEP_M, -grade * start_m)
         solids.append(replace(ramp, grade=(grade, 0.0)))
-    return Scene(solids=solids)
+    return Solids(solids=solids)
 
 
 def camera_of(sensor: str, width_px: int, height_px: int) -> PinholeCamera:
@@ -324,7 +324,7 @@ def camera_of(sensor: str, width_px: int, height_px: int) -> PinholeCamera:
     return replace(mount, width_px=width_px, height_px=height_px, fx_px=f, fy_px=f, cx_px=cx, cy_px=cy)
 
 
-def drawn_stair(name: str, rng: np.random.Generator) -> tuple[Scene, int, float, float]:
+def drawn_stair(name: str, rng: np.random.Generator) -> tuple[Solids, int, float, float]:
     """Return a staircase by name, its number of straight steps before the turn, its rise and its run."""
     rise_m, run_m, width_m = rng.uniform(0.155, 0.19), rng.uniform(0.25, 0.31), rng.uniform(0.9, 1.2)
     before, after = int(rng.integers(7, 10)), int(rng.integers(3, 7))
@@ -387,7 +387,7 @@ def depth_of(outline: np.ndarray, place: np.ndarray, way: np.ndarray) -> float:
     return max(float((gap[rate > 1e-9] / rate[rate > 1e-9]).min()), 0.0)
 
 
-def shot(scene: Scene, pose: Pose, camera: PinholeCamera, sensor: str, rng: np.random.Generator) -> StepFrame:
+def shot(scene: Solids, pose: Pose, camera: PinholeCamera, sensor: str, rng: np.random.Generator) -> StepFrame:
     """Return the frame of a scene from a pose of the chair."""
     R_WB, p_WB = pose
     R_WC, p_WC = R_WB @ camera.R_BC, p_WB + R_WB @ np.array(camera.mount_m)
