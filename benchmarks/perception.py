@@ -1,11 +1,10 @@
 """Accuracy of the stair perception: ``python benchmarks/perception.py [--only heading] [--frames N] [--seed S]``.
 
-Every call draws new seeds, which no tuning has used, and prints them, so that a run can be repeated. Nine tables:
+Every call draws new seeds, which no tuning has used, and prints them, so that a run can be repeated. Eight tables:
 
 heading    error of the heading by place, clutter, warp and calibration error
 sensors    the same by depth sensor, noise, image size and distance
 conditions the same by kinds of stair, motion and mount that break an assumption
-sides      sides of the flight, walls or open
 pixels     the same with pixels missing at random or in blotches, holes filled by the driver, and mixed depths at edges
 geometry   error of slope, rise and run
 stairless  number of scenes without a stair in which a stair is detected (target: none)
@@ -92,11 +91,6 @@ def geometry_cases() -> Iterator[Case]:
             yield Case(label=label, recipe=far, is_lifelike=True, least_share=0.01)
 
 
-def side_cases() -> Iterator[Case]:
-    """Yield the rows of the table of sides."""
-    return (case for case in condition_cases() if "wide" in case.label or case.label in ("plain", "open risers"))
-
-
 def looks(case: Case, seeds: range) -> Iterator[Look]:
     """Yield what a method makes of the frames of a row."""
     detector = StairDetector(DetectorConfig(method=case.method))
@@ -173,9 +167,9 @@ def geometry_row(case: Case, seeds: range) -> str:
     ]
     if not pairs:
         return f"| {case.label} | {len(seen)} | 0 |" + " |" * 4
-    slope = rms([(found.slope_rad - truth.slope_rad) / DEG for found, truth in pairs])
-    rise = rms([(found.rise_m - truth.rise_m) * 1e3 for found, truth in pairs])
-    run = rms([(found.run_m - truth.run_m) * 1e3 for found, truth in pairs])
+    names = ("slope_rad", "rise_m", "run_m")
+    errors = np.array([[getattr(found, name) - getattr(truth, name) for name in names] for found, truth in pairs])
+    slope, rise, run = np.sqrt(np.mean(errors**2, axis=0)) / (DEG, 1e-3, 1e-3)
     right = np.mean([found.direction == truth.direction for found, truth in pairs])
     return (
         f"| {case.label} | {len(seen)} | {100 * len(pairs) / len(seen):.0f} % | {100 * right:.0f} % | {slope:.2f}° | "
@@ -195,35 +189,6 @@ def shape_strains(seen: list[Look]) -> str:
         if (shape := look.sight.shape) is not None and (truth := look.view.stair) is not None
     ]
     return ", ".join(f"{mean:.2f}" for mean in np.mean(np.square(squares), axis=0)) if squares else ""
-
-
-def rms(values: list[float]) -> float:
-    """Return the root of the mean square, 0 of nothing."""
-    return float(np.sqrt(np.mean(np.square(values)))) if values else 0.0
-
-
-SIDES_COLUMNS = "| | maps | sides reported | error of reported sides RMSE | wall or open right | width RMSE (n), true width |"
-
-
-def sides_row(case: Case, seeds: range) -> str:
-    """Return how well the sides of the flight are reported."""
-    pairs = [(look.sight.stair_map, look.view.stair) for look in looks(case, seeds)]
-    found = [(seen, truth) for seen, truth in pairs if seen is not None and truth is not None]
-    errors, right, widths = [], [], []
-    for seen, truth in found:
-        both = []
-        for side in ("left", "right"):
-            edge_m = getattr(seen, f"{side}_edge_m")
-            if edge_m is not None:
-                both.append(edge_m)
-                errors.append(edge_m - getattr(truth, f"{side}_edge_m"))
-                right.append(getattr(seen, f"{side}_side") == getattr(truth, f"{side}_side"))
-        widths += [(sum(both), truth.width_m)] if len(both) == 2 else []
-    width = f"{rms([measured - true for measured, true in widths]) * 1e3:.0f} mm ({len(widths)})" if widths else ""
-    return (
-        f"| {case.label} | {len(found)} | {percent(len(errors), 2 * len(found))} | {rms(errors) * 1e3:.0f} mm | "
-        f"{percent(sum(right), len(right))} | {width} |"
-    )
 
 
 STAIRLESS_COLUMNS = (
@@ -310,7 +275,6 @@ TABLES: dict[str, tuple[str, str, Callable[[range], Iterator[str]]]] = {
     "heading": ("Heading, robust method", HEADING_COLUMNS, by_case(heading_row, heading_cases)),
     "sensors": ("Heading by sensor", PAIRED_COLUMNS, by_case(paired_row, sensor_cases)),
     "conditions": ("Heading by condition", PAIRED_COLUMNS, by_case(paired_row, condition_cases)),
-    "sides": ("Sides of the flight", SIDES_COLUMNS, by_case(sides_row, side_cases)),
     "pixels": ("Heading with bad pixels", PAIRED_COLUMNS, by_case(paired_row, pixel_cases)),
     "geometry": ("Geometry", GEOMETRY_COLUMNS, by_case(geometry_row, geometry_cases)),
     "stairless": ("Places without a stair", STAIRLESS_COLUMNS, stairless_rows),

@@ -60,7 +60,9 @@ class Tally:
         if not sight.accepted or sight.heading_rad is None or sight.sigma_rad is None:
             return
         self.accepted += 1
-        error_deg = abs(_off(sight.heading_rad, heading_of(known.edge_C, known.frame.camera))) / DEG
+        # Edges have no sense of direction.
+        off_rad = (sight.heading_rad - heading_of(known.edge_C, known.frame.camera) + 0.5 * np.pi) % np.pi - 0.5 * np.pi
+        error_deg = abs(off_rad) / DEG
         sigma_deg = float(np.hypot(sight.sigma_rad, known.edge_sigma_rad)) / DEG
         if error_deg > WITHIN_99 * sigma_deg:
             self.outside += 1
@@ -91,11 +93,6 @@ def heading_of(edge_C: Vector3, camera: PinholeCamera) -> float:
     """Return the heading about the declared mount of a chair before edges of a direction."""
     edge_B = camera.R_BC @ edge_C
     return float(np.arctan2(-edge_B[0], -edge_B[1]))
-
-
-def _off(heading_rad: float, true_rad: float) -> float:
-    """Return the difference of two headings of edges, which have no sense of direction."""
-    return (heading_rad - true_rad + 0.5 * np.pi) % np.pi - 0.5 * np.pi
 
 
 def _measured(known: KnownFrame) -> KnownFrame:

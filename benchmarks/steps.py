@@ -303,16 +303,12 @@ def main() -> None:
     parser.add_argument("--only", choices=("turns", "winding", "kerbs", "rooms", "intervals"), action="append", help="this table")
     parser.add_argument("--recorded", type=Path, default=os.environ.get("TREADLINE_STAIRLESS"), help="folder of recorded frames")
     arguments = parser.parse_args()
-    seeds = seeds_of(arguments)
+    seeds, folder = seeds_of(arguments), arguments.recorded and Path(arguments.recorded)
     tables = {
         "turns": ("Stairs that turn", TURN_COLUMNS, turn_rows),
         "winding": ("Winding stairs by radius", TURN_COLUMNS, winding_rows),
         "kerbs": ("Kerbs and drops", KERB_COLUMNS, kerb_rows),
-        "rooms": (
-            "Places without a stair",
-            ROOM_COLUMNS,
-            partial(room_rows, folder=arguments.recorded and Path(arguments.recorded)),
-        ),
+        "rooms": ("Places without a stair", ROOM_COLUMNS, partial(room_rows, folder=folder)),
         "intervals": ("Declared intervals", INTERVAL_COLUMNS, interval_rows),
     }
     for name in arguments.only or tables:
