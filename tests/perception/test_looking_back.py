@@ -9,15 +9,13 @@ from jaxtyping import Float
 from scenes import View, ViewRecipe, draw_view
 from surfaces import frame_of
 
-from treadline.core.angles import DEG
-from treadline.core.arrays import rms
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.rotations import rotation_z
 from treadline.perception import StairDetection, StairDetector
 from treadline.perception.overlay import overlay
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Stair, StepOverride
-from treadline.vehicle.staircase import Staircase, build_staircase
+from treadline.vehicle.staircase import build_staircase
 
 DETECTOR = StairDetector()
 REAR = read_chair("wheelchair").camera_at(240, rear=True)
@@ -62,62 +60,25 @@ def test_a_chair_the_other_way_round_gets_the_same_stair(scene: str) -> None:
 
 
 def backing(
-    seed: int, heading_rad: float, *, behind_m: float, level: bool, first_m: float | None = None
+    seed: int, heading_rad: float, *, behind_m: float, first_m: float | None = None
 ) -> tuple[RgbdFrame, Float[np.ndarray, " 3"], np.ndarray]:
     """Return a frame of the rear camera, down in C, and the nosings behind the chair, in B, the nearest first.
 
     Args:
-        behind_m: From the landing's edge up to the chair's middle: on the landing, where ``level``, else down the flight.
+        behind_m: From the landing's edge down the flight to the chair's middle.
         first_m: Rise of the first step; that of the others by default.
     """
     rng = np.random.default_rng(seed)
     own = () if first_m is None else (StepOverride(index=0, rise_m=first_m),)
     staircase = build_staircase(Stair(slope_deg=28.0, steps=14, walls="right"), rng, own)
-    R_WB, p_WB = _pose(staircase, heading_rad, behind_m, level=level)
+    last, R_WB = staircase.steps[-1], staircase.R_WS @ rotation_z(heading_rad)
+    p_WB = np.array([last.x_m, 0.1, last.z_m]) - behind_m * staircase.R_WS[:, 0]
     frame, down = frame_of(staircase, REAR, R_WB, p_WB, rng)
     places = np.array([[step.x_m, 0.0, step.z_m] for step in staircase.steps]) - p_WB
     nosings, along = places @ R_WB, R_WB.T @ np.array([0.0, 1.0, 0.0])
     nosings = nosings - (nosings[:, 1] / along[1])[:, None] * along
     behind = nosings[nosings[:, 0] < 0.0]
     return frame, down, behind[np.argsort(-behind[:, 0])]
-
-
-def _pose(staircase: Staircase, heading_rad: float, behind_m: float, *, level: bool) -> tuple[np.ndarray, np.ndarray]:
-    last = staircase.steps[-1]
-    if level:
-        return rotation_z(heading_rad), np.array([last.x_m + behind_m, 0.1, last.z_m])
-    R_WB = staircase.R_WS @ rotation_z(heading_rad)
-    return R_WB, np.array([last.x_m, 0.1, last.z_m]) - behind_m * staircase.R_WS[:, 0]
-
-
-@pytest.mark.parametrize(("level", "behind_m"), [(True, 0.95), (True, 1.2), (False, 0.3), (False, 1.5)])
-def test_nosings_behind_the_chair_are_where_they_are(level: bool, behind_m: float) -> None:
-    headings, nearest, count = [], [], 0
-    for seed in range(43_000, 43_012):
-        heading = float(np.random.default_rng(seed).uniform(-0.3, 0.3))
-        frame, down, true = backing(seed, heading, behind_m=behind_m, level=level)
-        sight = DETECTOR.look(frame, down)
-        seen = sight.stair_map
-        if seen is None or sight.heading_rad is None:
-            continue
-        count += 1
-        headings.append(sight.heading_rad - heading)
-        assert seen.direction == "down"
-        assert not seen.ends
-        assert seen.obstacle_m is None
-        assert (np.diff(np.array(seen.nosings_B)[:, 0]) < 0.0).all()
-        assert np.array(seen.nosings_B)[0, 0] < 0.0
-        assert np.abs(np.array(seen.nosings_B)[:, 1]).max() < 1e-9
-        gaps = np.linalg.norm(np.array(seen.nosings_B)[:, None] - true[None], axis=2)
-        assert gaps.min(axis=1).max() < 0.05
-        if level:  # the edge itself is the first
-            assert int(gaps[0].argmin()) == 0
-        nearest.append(gaps[0].min())
-        assert seen.left_wall_m is None
-        assert seen.right_wall_m is None or seen.right_wall_m == pytest.approx(0.7, abs=0.02)
-    assert count >= 11
-    assert rms(np.array(headings)) < 0.15 * DEG
-    assert rms(np.array(nearest)) < 0.010
 
 
 @pytest.mark.parametrize("first_m", [None, 0.11, 0.21], ids=["even", "-50 mm", "+50 mm"])
@@ -127,7 +88,7 @@ def test_the_floor_behind_the_last_nosing_ends_the_flight(first_m: float | None)
     reported = []
     for seed in range(44_000, 44_012):
         # Of fourteen nosings four are left behind the chair.
-        frame, down, true = backing(seed, 0.1, behind_m=3.2, level=False, first_m=first_m)
+        frame, down, true = backing(seed, 0.1, behind_m=3.2, first_m=first_m)
         seen = DETECTOR.look(frame, down).stair_map
         if seen is not None:
             gaps = np.linalg.norm(np.array(seen.nosings_B)[-1] - true, axis=1)
@@ -137,7 +98,7 @@ def test_the_floor_behind_the_last_nosing_ends_the_flight(first_m: float | None)
 
 
 def test_the_picture_of_what_lies_behind_has_its_nosings_where_they_are() -> None:
-    frame, down, _ = backing(45_000, 0.0, behind_m=1.5, level=False)
+    frame, down, _ = backing(45_000, 0.0, behind_m=1.5)
     picture = overlay(frame, DETECTOR.look(frame, down))
     drawn = (picture[: 3 * REAR.height_px] == (255, 235, 60)).all(axis=2)
     middle = drawn[:, 3 * REAR.width_px // 2 - 60 : 3 * REAR.width_px // 2 + 60]

@@ -1,10 +1,10 @@
-"""Stairs that the simulator does not draw: planks that overhang their risers, cast from boxes by rays of these tests' own."""
+"""Stairs that the simulator does not draw: planks that overhang their risers, of the solids of the benchmarks."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from turned_stairs import Prism, box, render
 
 from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
@@ -12,34 +12,25 @@ from treadline.core.rotations import rotation_y, rotation_z
 from treadline.perception import StairDetector
 
 RISE_M, RUN_M, WIDTH_M = 0.17, 0.28, 1.2
-Box = tuple[tuple[float, float, float], tuple[float, float, float]]
 CAMERA = PinholeCamera(width_px=320, height_px=240, fx_px=287.5, fy_px=287.5, cx_px=159.5, cy_px=119.5)
 C_OF_B = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 """Right, down and ahead of a camera that looks along x."""
 
 
-def flight(overhang_m: float, steps: int = 12, thick_m: float = 0.04) -> list[Box]:
+def flight(overhang_m: float, steps: int = 12, thick_m: float = 0.04) -> list[Prism]:
     """Return a floor and a closed flight along x whose treads jut out over their risers."""
-    boxes: list[Box] = [((-5.0, -5.0, -0.1), (0.0, 5.0, 0.0))]
-    half = 0.5 * WIDTH_M
+    solids, end_m = [box((-2.5, 0.0), (5.0, 10.0), -0.1, 0.0)], steps * RUN_M
     for k in range(steps):
-        top = (k + 1) * RISE_M
-        boxes.append(((k * RUN_M, -half, 0.0), (steps * RUN_M, half, top - thick_m)))
-        boxes.append(((k * RUN_M - overhang_m, -half, top - thick_m), (steps * RUN_M, half, top)))
-    return boxes
+        top_m = (k + 1) * RISE_M
+        for out_m, low_m, high_m in ((0.0, 0.0, top_m - thick_m), (overhang_m, top_m - thick_m, top_m)):
+            start_m = k * RUN_M - out_m
+            solids.append(box((0.5 * (start_m + end_m), 0.0), (end_m - start_m, WIDTH_M), low_m, high_m))
+    return solids
 
 
-def depth_of(boxes: Sequence[Box], place: Sequence[float], heading_rad: float, down_rad: float) -> np.ndarray:
+def depth_of(solids: list[Prism], place: tuple[float, float, float], heading_rad: float, down_rad: float) -> np.ndarray:
     """Return Z of each pixel, with a Kinect 1's noise and steps of disparity; NaN where nothing is hit."""
-    R_WC = rotation_z(heading_rad) @ rotation_y(down_rad) @ C_OF_B.T
-    v, u = np.indices((CAMERA.height_px, CAMERA.width_px))
-    rays = np.stack([(u - CAMERA.cx_px) / CAMERA.fx_px, (v - CAMERA.cy_px) / CAMERA.fy_px, np.ones(u.shape)], axis=-1) @ R_WC.T
-    z = np.full(u.shape, np.inf)
-    for low, high in boxes:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            a, b = (np.array(low) - place) / rays, (np.array(high) - place) / rays
-        enters, leaves = np.minimum(a, b).max(axis=-1), np.maximum(a, b).min(axis=-1)
-        z = np.where((enters < leaves) & (enters > 0.0) & (enters < z), enters, z)
+    z, *_ = render(solids, CAMERA, rotation_z(heading_rad) @ rotation_y(down_rad) @ C_OF_B.T, np.array(place))
     disparity = 575.0 * 0.075 / z + 0.08 * np.random.default_rng(1).standard_normal(z.shape)
     with np.errstate(divide="ignore"):
         z = 575.0 * 0.075 / (np.round(8.0 * disparity) / 8.0)

@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from surfaces import frame_of
 
 from treadline.core.angles import DEG
 from treadline.core.rotations import rotation_y, rotation_z
 from treadline.perception import DetectorConfig, StairDetector
 from treadline.perception.detector import FrameResult
-from treadline.plant.sensors.camera import Camera
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Stair
 from treadline.vehicle.staircase import build_staircase
@@ -21,13 +21,10 @@ def look(before_m: float, *, rear: bool = False, heading_deg: float = 3.0, pitch
     """Return what the detector finds with mid-track some distance before a kerb, or behind its edge."""
     rng = np.random.default_rng(4)
     kerb = build_staircase(Stair.model_validate({"steps": 1, "width_m": 3.0, "landing_m": 3.0, "walls": "none"} | stair), rng)
-    calibration = CHAIR.camera_at(240, rear=rear)
     R_WB = rotation_z(heading_deg * DEG) @ rotation_y(-pitch_deg * DEG)
     p_WB = np.array([before_m, 0.0, kerb.steps[0].z_m]) if rear else np.array([-before_m, 0.0, 0.0])
-    R_WC, p_WC = R_WB @ calibration.R_BC, p_WB + R_WB @ np.array(calibration.mount_m)
-    frame = Camera(kerb, calibration, rng=rng).frame(0.0, R_WC, p_WC)
-    detector = StairDetector(DetectorConfig(swept_half_m=CHAIR.swept_half_m))
-    return detector.see(frame, R_WC.T @ np.array([0.0, 0.0, -1.0]))
+    frame, down_C = frame_of(kerb, CHAIR.camera_at(240, rear=rear), R_WB, p_WB, rng)
+    return StairDetector(DetectorConfig(swept_half_m=CHAIR.swept_half_m)).see(frame, down_C)
 
 
 @pytest.mark.parametrize("rear", [False, True], ids=["up", "down"])

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from treadline.core.angles import DEG
-from treadline.core.rotations import attitude_of, rotation_y
+from treadline.core.rotations import rotation_y
 from treadline.core.signals import Event, FrameQuality
 from treadline.playback import (
     LogNotes,
@@ -36,7 +36,6 @@ from treadline.playback._moments import (
     slipping,
     tipping_direction,
 )
-from treadline.playback._nosings import missed_text, perceived_nosings
 from treadline.scenario.chair import read_chair
 from treadline.scenario.faults import Fault
 from treadline.scenario.scenario import Chair, Scenario, Stair
@@ -270,26 +269,6 @@ def test_a_nosing_at_the_border_of_the_image_is_not_missed() -> None:
     assert answers[0]
     assert not answers[-1]
     assert sum(a != b for a, b in pairwise(answers)) == 1
-
-
-def test_the_record_of_a_run_names_missed_nosings_with_their_times() -> None:
-    R_WB, p_WB = pose_on_the_flight()
-    nosings_W = as_designed(SCENARIO.stair).nosings_W
-    choices = {0.1: [4, 5, 6], 0.2: [4, 6], 0.3: [4, 5, 6], 0.4: [4, 6]}
-    maps = tuple(
-        PerceivedStair(
-            t_s=t_s, taken_s=t_s + 0.06, nosings_B=(nosings_W[rows] - p_WB) @ R_WB, nosings_W=nosings_W[rows], ends=False
-        )
-        for t_s, rows in choices.items()
-    )
-    pose = attitude_of(np.zeros(100), np.full(100, SLOPE_RAD), np.zeros(100))
-    placed = {"p_WB": np.tile(p_WB, (100, 1)), "quat_WB": pose}
-    record = perceived_nosings(of_pitch(np.zeros(100), scenario=SCENARIO, maps=maps, **placed))
-    assert [(frame.t_s, frame.missed) for frame in record if frame.missed] == [(0.2, (6,)), (0.4, (6,))]
-    assert missed_text(record) == "2 of 4 frames with a perceived stair missed a nosing: nosing 6 in 2 frames (0.20 s to 0.40 s)"
-    none = perceived_nosings(of_pitch(np.zeros(100), scenario=SCENARIO, maps=maps[:1], **placed))
-    assert missed_text(none) == "no nosing was missed in 1 frame with a perceived stair"
-    assert perceived_nosings(of_pitch(np.zeros(100), maps=maps)) is None
 
 
 # ---- tip-over margin ----

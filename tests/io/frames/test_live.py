@@ -99,9 +99,17 @@ def test_frames_have_times_from_the_first_until_the_camera_is_unplugged(times, k
     assert failure == f"fake: no depth image for 2 s (Frame didn't arrive); was it unplugged? ({len(kept_s)} frames before)"
 
 
-def test_a_busy_device_is_closed_and_named() -> None:
-    camera = FakeCamera(SMALL, [], not_opened("fake", RuntimeError("errno=16 Device or\nresource busy")))
-    with pytest.raises(CameraError, match=r"^fake: busy \(errno=16 Device or resource busy\)"):
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("errno=16 Device or\nresource busy", r"busy \(errno=16 Device or resource busy\)"),
+        ("X_LINK_DEVICE_ALREADY_IN_USE", "busy"),
+        ("No device connected", "cannot be opened .* is it plugged in"),
+    ],
+)
+def test_a_busy_or_missing_device_is_closed_and_named(text: str, said: str) -> None:
+    camera = FakeCamera(SMALL, [], not_opened("fake", RuntimeError(text)))
+    with pytest.raises(CameraError, match=f"^fake: {said}"):
         list(LiveFrames(camera))
     assert camera.closed == 1
 
