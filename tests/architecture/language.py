@@ -13,6 +13,7 @@ import io
 import re
 import sys
 import tokenize
+import tomllib
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -27,93 +28,15 @@ PREPOSITION = re.compile(
 SYMBOL = re.compile(r"^[a-z]$|[0-9_·=^]|^p-value")
 """First words that are symbols and not lower-case English words: ``x``, ``u1``, ``f·B``, ``p-value``."""
 
-RETIRED_NAMES = {
-    "KalmanBank": "MultipleModelKalmanFilter",
-    "Belief": "MixtureMoments",
-    "DriftWatch": "GlrDriftDetector",
-    "Whereabouts": "StairTracker",
-    "whereabouts": "stair_tracker",
-    "Falling": "TipOverFeedforward",
-    "Lesson": "CalibrationStudy",
-    "Gate": "ReadingAdmission",
-    "SightWatch": "FrameMonitor",
-    "SideGrip": "SkidMonitor",
-    "Breadth": "SearchBudget",
-    "Trial": "CvScore",
-    "Choice": "Selection",
-    "FELT": "GYRO_ANGLE",
-    "TOLD": "ODOMETRY_ANGLE",
-    "_Ears": "Subscriptions",
-    "_Others": "Peers",
-    "_Taker": "Subscriber",
-    "_Ladder": "RiserRow",
-    "slowest_share": "min_inner_speed_ratio",
-    "easing_m_s": "pitch_feedforward_m_s",
-    "slid_m": "roll_back_m",
-    "is_whole": "is_full_traversal",
-    "shake_rad": "vibration_sigma_rad",
-    "lasting_rad": "systematic_sigma_rad",
-    "unseen_rate": "unobserved_rate_sigma",
-    "integrated_out": "marginal_posterior",
-    "strays": "reject_outliers",
-    "look_robust": "detect_stair",
-    "fly_sweep": "run_sweep",
-    "least_schwarz": "min_bic",
-    "carried_lags": "max_supported_lags",
-    "misfit": "residual",
-    "intervals_of_correlations": "correlation_intervals",
-    "from_sums": "from_gram",
-    "uppers": "riser_tops",
-    "shells": "block_nodes",
-    "outlook": "visibility",
-}
+RETIRED = tomllib.loads(Path(__file__).with_name("language.toml").read_text(encoding="utf-8"))
+RETIRED_NAMES: dict[str, str] = RETIRED["names"]
 """Names that were replaced, with the name to use; matched as whole names of what is defined."""
-
-RETIRED_PARTS = {
-    "arm": "flipper",
-    "arms": "flippers",
-    "feel": "update",
-    "feels": "update",
-    "felt": "measured",
-    "notice": "on_message",
-    "noticed": "on_message",
-    "told": "declared",
-    "tell": "report",
-    "tells": "report",
-    "doubt": "rejection_reason",
-    "doubts": "rejection_reasons",
-    "askew": "heading_error",
-    "fly": "run",
-    "flies": "run",
-    "flown": "run",
-    "believed": "accepted",
-    "schwarz": "bic",
-}
+RETIRED_PARTS: dict[str, str] = RETIRED["parts"]
 """Parts of names, between underscores or capitals, that were replaced."""
+RETIRED_TERMS: dict[str, str] = RETIRED["terms"]
+"""Terms of prose that were replaced, with the term to use."""
 KEPT_PARTS = re.compile(r"(lever|moment|re)_?arms?(_|$)|(^|_)butterfly")
 """Names in which such a part has its usual meaning."""
-
-RETIRED_TERMS = {
-    r"(?<!re-)(?<!lever )(?<!moment )(?<!robot )(?<!CD )(?<!CD player )\barms?\b": "flipper",
-    r"\bfront sections?\b": "flipper",
-    r"\b(feels?|felt)\b": "measures, update",
-    r"\b(tells?|told)\b": "report, declare, state",
-    r"\bnotic(e|es|ed)\b(?! of)": "detect, receive",
-    r"\bdoubts?\b": "rejection reason, design warning, speed restriction",
-    r"\bbelie(f|ve|ves|ved)\b": "accept, estimate",
-    r"\baskew\b": "heading error",
-    r"\b(fly|flies|flown|flew)\b": "run",
-    r"\blet alone\b": "steering suspended",
-    r"\bSchwarz": "BIC",
-    r"\bwhereabouts\b": "stair tracker",
-    r"\bbelongs? beside\b|\bbeside\b": "next to",
-    r"\bleft over\b": "residual",
-    r"\bagainst time\b": "time series",
-    r"\bgoes before\b": "precedence",
-    r"\bspeak against\b|\bspeaks against\b": "contradict",
-    r"\bKalman bank\b": "multiple-model Kalman filter",
-}
-"""Terms of prose that were replaced, with the term to use."""
 
 ANY_RETIRED_TERM = re.compile("|".join(RETIRED_TERMS), re.IGNORECASE)
 

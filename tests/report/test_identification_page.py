@@ -13,7 +13,6 @@ from treadline.core import linear_systems as validate
 from treadline.core import transfer_function as transfer
 from treadline.core.arrays import decimated
 from treadline.core.errors import TreadlineError
-from treadline.core.model_scores import compare
 from treadline.report import _model_runs as runs
 from treadline.report.identification_page import write_identification_page
 
@@ -53,20 +52,6 @@ def test_a_page_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     there = found()
     with pytest.raises(TreadlineError, match="cannot be written"):
         write_identification_page(tmp_path, there.model, there.report, there.fitted, there.judged, title="")
-
-
-def test_runs_begin_anew_behind_a_missing_input_and_bridge_missing_outputs() -> None:
-    model = model_with(A_CALM, *TWO)
-    record = record_of(model, 800)
-    record.y[50] = np.nan
-    record.u[400] = np.nan
-    compared = compare(model, record)
-    for answers in (compared.ahead, compared.modelled):
-        assert np.isnan(answers[400]).all()
-        assert np.isfinite(np.delete(answers, 400, axis=0)).all()
-        assert not runs.cut(answers, record.y)[1].any()
-    # The noise of the record is one per cent of each output's deviation.
-    assert (np.nanstd(record.y - compared.ahead, axis=0) < 0.05 * np.nanstd(record.y, axis=0)).all()
 
 
 @pytest.mark.parametrize("A", [A_CALM, [[0.5, 1.0], [0.0, 0.5]]], ids=["diagonalisable", "defective"])

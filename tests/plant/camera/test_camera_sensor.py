@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from jaxtyping import Float, Float32
 from scenes import ViewRecipe, draw_view
+from surfaces import frame_of
 
 from treadline.core.angles import DEG
 from treadline.core.camera_images import RgbdFrame
@@ -25,11 +26,10 @@ def camera(seed: int, *, kind: str = "kinect1", height_px: int = 240) -> Camera:
 
 def frame(seed: int, *, texture: str = "wood", light: float = 1.0, kind: str = "kinect1", height_px: int = 240) -> RgbdFrame:
     staircase = build_staircase(Stair(slope_deg=28.0), np.random.default_rng(0))
-    calibration = read_chair("wheelchair").camera_at(height_px)
-    seen = Camera(staircase, calibration, kind=kind, texture=texture, light=light, rng=np.random.default_rng(seed))
-    R_WB = staircase.R_WS @ rotation_z(10.0 * DEG)
     p_WB = staircase.p_WS + staircase.R_WS @ np.array([1.5, 0.0, 0.0])
-    return seen.frame(0.0, R_WB @ calibration.R_BC, p_WB + R_WB @ np.array(calibration.mount_m))
+    looks = {"kind": kind, "texture": texture, "light": light}
+    calibration = read_chair("wheelchair").camera_at(height_px)
+    return frame_of(staircase, calibration, staircase.R_WS @ rotation_z(10.0 * DEG), p_WB, seed, **looks)[0]
 
 
 def measured(depth_m: Float[np.ndarray, "h w"], seed: int, kind: str = "kinect1") -> Float32[np.ndarray, "h w"]:
