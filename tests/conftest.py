@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import hypothesis
+import jaxtyping
 import numpy as np
 import pytest
 from jaxtyping import install_import_hook
@@ -54,6 +55,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.fast)
         if any(place.is_relative_to(part) for part in SHAPES) and place.as_posix() not in SAMPLES:
             item.add_marker(pytest.mark.shapes)
+
+
+@pytest.fixture
+def without_shape_checks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Run without the tests' shape checks: as users do, and in a third of a whole run's time."""
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
 
 
 START_NS = 1_700_000_000_123_456_789

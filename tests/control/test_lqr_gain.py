@@ -1,6 +1,5 @@
 """Eq. (10) to (14): the LQR gain and the static reconstruction."""
 
-import jaxtyping
 import numpy as np
 import pytest
 
@@ -36,8 +35,8 @@ def test_fewer_outputs_than_states_cannot_be_inverted() -> None:
         static_reconstruction(paper.C[:1], paper.D[:1], paper.K)
 
 
-def test_lists_are_matrices_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+@pytest.mark.usefixtures("without_shape_checks")
+def test_lists_are_matrices_too() -> None:
     K = lqr_gain(*(matrix.tolist() for matrix in (paper.A, paper.B, paper.Q, paper.R)))
     np.testing.assert_array_equal(K, lqr_gain(paper.A, paper.B, paper.Q, paper.R))
 
@@ -49,7 +48,7 @@ def test_lists_are_matrices_too(monkeypatch: pytest.MonkeyPatch) -> None:
         (np.ones((2, 3)), paper.B, r"matrix A is \(2, 3\), A and B ask for \(2, 2\)"),
     ],
 )
-def test_an_invalid_system_is_rejected(A: object, B: object, message: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+@pytest.mark.usefixtures("without_shape_checks")
+def test_an_invalid_system_is_rejected(A: object, B: object, message: str) -> None:
     with pytest.raises(ShapeMismatch, match=message):
         lqr_gain(A, B, paper.Q, paper.R)

@@ -5,7 +5,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-import jaxtyping
 import numpy as np
 import pytest
 from systems import Draw, fit
@@ -189,8 +188,8 @@ def test_large_and_small_units_are_accepted(draw: Draw, scale: float) -> None:
     np.testing.assert_allclose(other, plain, rtol=1e-9)
 
 
-def test_lists_and_single_channels_are_columns(draw: Draw, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+@pytest.mark.usefixtures("without_shape_checks")
+def test_lists_and_single_channels_are_columns(draw: Draw) -> None:
     record = draw(0)
     listed = InputOutputRecord(u=record.u.tolist(), y=record.y.tolist(), dt_s=1.0, input_names=["left", "right"])
     np.testing.assert_array_equal(listed.u, record.u)
@@ -213,10 +212,8 @@ def test_lists_and_single_channels_are_columns(draw: Draw, monkeypatch: pytest.M
         ({"input_names": "left"}, RecordError, "input_names is 'left'; wanted a list of names"),
     ],
 )
-def test_invalid_record_arguments_are_named(
-    fields: dict[str, object], error: type[TreadlineError], message: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+@pytest.mark.usefixtures("without_shape_checks")
+def test_invalid_record_arguments_are_named(fields: dict[str, object], error: type[TreadlineError], message: str) -> None:
     with pytest.raises(error, match=message):
         InputOutputRecord(**({"u": np.zeros((3, 1)), "y": np.zeros((3, 1)), "dt_s": 1.0} | fields))
 
@@ -232,8 +229,8 @@ def test_a_model_that_holds_nan_or_does_not_fit_is_rejected_by_name(eq_12: Linea
         replace(model, **{name: np.zeros((3, *getattr(model, name).shape[1:]))})
 
 
-def test_a_model_accepts_lists_for_matrices(eq_12: LinearModel, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+@pytest.mark.usefixtures("without_shape_checks")
+def test_a_model_accepts_lists_for_matrices(eq_12: LinearModel) -> None:
     lists = {name: getattr(eq_12, name).tolist() for name in ("A", "B", "C", "D", "input_offset", "output_offset")}
     np.testing.assert_array_equal(LinearModel(**lists, dt_s=1.0).B, eq_12.B)
     with pytest.raises(ShapeMismatch, match=r"C is of shape \(2,\); wanted a matrix"):

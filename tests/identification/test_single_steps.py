@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 
-import jaxtyping
 import numpy as np
 import pytest
 from systems import Draw, fit
@@ -34,10 +33,8 @@ def test_pbsid_gives_eq_12_back_with_its_channels(draw: Draw, eq_12: LinearModel
         (lambda _: era(np.ones((9, 1, 1)), 0), "order is 0; it must be an integer, at least 1"),
     ],
 )
-def test_an_invalid_count_is_rejected(
-    draw: Draw, step: Callable[[InputOutputRecord], object], message: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+@pytest.mark.usefixtures("without_shape_checks")
+def test_an_invalid_count_is_rejected(draw: Draw, step: Callable[[InputOutputRecord], object], message: str) -> None:
     with pytest.raises(SettingsError, match=message):
         step(draw(5))
 
@@ -51,9 +48,7 @@ def test_an_invalid_count_is_rejected(
         ("impulse", RecordError, "markov is 'impulse', of type str; wanted"),
     ],
 )
-def test_an_invalid_impulse_response_is_rejected(
-    markov: object, error: type[TreadlineError], message: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+@pytest.mark.usefixtures("without_shape_checks")
+def test_an_invalid_impulse_response_is_rejected(markov: object, error: type[TreadlineError], message: str) -> None:
     with pytest.raises(error, match=message):
         era(markov, 1)

@@ -46,13 +46,6 @@ def fault_with(cause: str, scene: str = "foot") -> Fault:
     return found
 
 
-def with_focal(known: KnownFrame, factor: float) -> KnownFrame:
-    camera = known.frame.camera
-    return replace(
-        known, frame=replace(known.frame, camera=replace(camera, fx_px=factor * camera.fx_px, fy_px=factor * camera.fy_px))
-    )
-
-
 def value(text: str, name: str) -> float:
     found = re.search(rf"{name} to (-?[\d.]+)", text)
     assert found is not None
@@ -72,10 +65,9 @@ def test_each_fault_has_its_cause(fault: str) -> None:
     assert found.text.endswith(f": {FRAMES} frames")
 
 
-@pytest.mark.parametrize("factor", [0.88, 1.12])
-def test_the_focal_length_to_set_is_the_true_one(factor: float) -> None:
-    found = fault_of([with_focal(known, factor) for known in folder("foot")])
-    assert found is not None
+@pytest.mark.parametrize("factor", ["0.92", "1.2"])
+def test_the_focal_length_to_set_is_the_true_one(factor: str) -> None:
+    found = fault_with(f"focal length x{factor}")
     # Risers and treads each deviate by 0.6°, which is 1.5 % of a focal length at a pitch of 45°.
     assert value(found.text, "set fx") == pytest.approx(folder("foot")[0].frame.camera.fx_px, rel=0.03)
 

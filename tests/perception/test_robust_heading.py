@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import jaxtyping
 import numpy as np
 import pytest
 from jaxtyping import Float
@@ -127,8 +126,8 @@ def test_steep_headings_are_refused_or_right(view) -> None:
             assert sight.heading_rad == pytest.approx(heading, abs=1.0 * DEG)
 
 
-def test_gravity_may_be_a_list_and_must_be_three_numbers(view, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+@pytest.mark.usefixtures("without_shape_checks")
+def test_gravity_may_be_a_list_and_must_be_three_numbers(view) -> None:
     frame, down = view(4202, 0.2, STAIR)
     assert ROBUST.look(frame, down.tolist()).heading_rad == ROBUST.look(frame, down).heading_rad
     for look in (ROBUST.step, ROBUST.look):
@@ -144,8 +143,8 @@ def test_gravity_without_a_direction_is_no_gravity(view, gravity_C: list[float],
     assert (sight.accepted, sight.heading_rad, sight.reason) == (False, None, f"gravity is not a direction but {message}")
 
 
-def test_depth_must_be_an_image_of_the_cameras_size(view, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+@pytest.mark.usefixtures("without_shape_checks")
+def test_depth_must_be_an_image_of_the_cameras_size(view) -> None:
     frame, _ = view(4202, 0.2, STAIR)
     for depth_m, message in (
         (frame.depth_m[:, 1:], "depth is 319×240 pixels, its calibration is for 320×240"),

@@ -6,7 +6,6 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import jaxtyping
 import numpy as np
 import pytest
 
@@ -30,10 +29,7 @@ SEAT_SHIFT_M = 0.1
 LANDING_M = 3.0
 
 
-@pytest.fixture(autouse=True)
-def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Run without the tests' shape checks, two thirds of a run's time; the loop's own tests have them."""
-    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+pytestmark = pytest.mark.usefixtures("without_shape_checks")
 
 
 @dataclass(frozen=True, kw_only=True)

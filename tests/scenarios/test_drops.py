@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import jaxtyping
 import numpy as np
 import pytest
 
@@ -16,10 +15,7 @@ PULLEY_M = 0.475
 """Half of the flat run of the shipped chair, 0.95 m."""
 
 
-@pytest.fixture(autouse=True)
-def _without_shape_checks(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Run without the tests' shape checks, two thirds of a run's time; the loop's own tests have them."""
-    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+pytestmark = pytest.mark.usefixtures("without_shape_checks")
 
 
 def scenario(direction: str, camera: str = "statistical", **stair: Any) -> Scenario:

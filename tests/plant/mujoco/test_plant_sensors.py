@@ -4,7 +4,6 @@ import math
 from collections.abc import Callable
 from pathlib import Path
 
-import jaxtyping
 import pytest
 from oracles.plant_runs import plant_on
 
@@ -50,7 +49,7 @@ def test_a_simulator_that_left_physics_gives_no_result(
     assert not list(tmp_path.iterdir())
 
 
-def test_a_plant_is_not_opened_by_a_scenarios_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+@pytest.mark.usefixtures("without_shape_checks")
+def test_a_plant_is_not_opened_by_a_scenarios_name() -> None:
     with pytest.raises(SettingsError, match="open_plant is given 'paper-28'; wanted a Scenario: read_scenario returns one"):
         open_plant("paper-28")
