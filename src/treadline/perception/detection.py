@@ -2,20 +2,25 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import UInt8
 
 from treadline.core.angles import DEG
-from treadline.core.camera_images import RgbdFrame, StairAxes
+from treadline.core.camera_images import StairAxes
 from treadline.core.printing import Plottable, Printable
 from treadline.core.rotations import Vector3
 from treadline.core.signals import StairMap
 from treadline.perception._plane_segmentation import PlanarBlocks, Surface
 from treadline.perception._stair_shape import StairShape
-from treadline.perception.steps import Step, Turn, turn_of
+from treadline.perception.steps import SeenStep, SeenTurn, turn_of
 
-Stages = tuple[UInt8[np.ndarray, "h w 3"], ...]
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Picture = UInt8[np.ndarray, "h w 3"]
+Stages = tuple[Picture, ...]
 """Six stages of Fig. 5 as images."""
 
 
@@ -56,10 +61,10 @@ class StairDetection(Printable, Plottable):
     """Planar blocks of a frame with gravity, accepted or not, for the calibration gate."""
     draw_map: Callable[[], StairMap] | None = None
     """Function that returns the map, computed once."""
-    find_steps: Callable[[], tuple[Step, ...]] | None = None
+    find_steps: Callable[[], tuple[SeenStep, ...]] | None = None
     """Function that returns the steps, computed once."""
-    frame: RgbdFrame | None = None
-    """The frame, for ``plot``; None in a loop."""
+    draw: Callable[[], Picture] | None = None
+    """Function that returns the frame with all detected objects, for ``plot``; None in a loop."""
 
     def printed(self) -> tuple[str, list[tuple[str, str]]]:
         """Return the heading with its uncertainty and the geometry of the stair, or why there is no heading."""
@@ -82,13 +87,17 @@ class StairDetection(Printable, Plottable):
         rows += [("turn", str(self.turn))] if self.turn is not None else []
         return f"heading {self.heading_rad / DEG:+.2f}° ± {1.96 * self.sigma_rad / DEG:.2f}° (95 %)", rows
 
+    def plot(self) -> "Figure":
+        """Return the frame with treads, risers, nosings and heading, or the reason of the rejection, as a matplotlib figure."""
+        return Plottable.drawer(self if self.draw is None else self.draw())
+
     @property
-    def steps(self) -> tuple[Step, ...]:
+    def steps(self) -> tuple[SeenStep, ...]:
         """Steps in view, the lowest of a rising flight first, computed on first access."""
         return () if self.find_steps is None else self.find_steps()
 
     @property
-    def turn(self) -> Turn | None:
+    def turn(self) -> SeenTurn | None:
         """Where the steps in view go on in another direction; None if they do not."""
         return turn_of(self.steps)
 

@@ -5,16 +5,14 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 
 from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import ImageError
 from treadline.core.files import write_whole
 from treadline.perception._plane_segmentation import Surface
-from treadline.perception.detection import Stages, StairDetection
-
-Picture = UInt8[np.ndarray, "h w 3"]
+from treadline.perception.detection import Picture, Stages, StairDetection
 
 COLOURS = {
     "tread": (70, 150, 255),

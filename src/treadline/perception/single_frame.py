@@ -1,6 +1,7 @@
 """The stair in one frame, whatever it is given as: a frame with a name, a frame, or a depth image with its calibration."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,8 @@ from treadline.perception.calibration_gate import calibration_evidence, gated
 from treadline.perception.detection import StairDetection
 from treadline.perception.detector import DetectorConfig, StairDetector
 from treadline.perception.free_ground import SWEPT_HALF_M, GroundProfile, ground_ahead
-from treadline.perception.steps import Step
+from treadline.perception.overlay import overlay
+from treadline.perception.steps import SeenStep
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -23,7 +25,7 @@ class GroundDetection(Printable):
     """What a level chair meets on the ground ahead, in one frame."""
 
     profile: GroundProfile
-    steps: tuple[Step, ...]
+    steps: tuple[SeenStep, ...]
     """Kerbs, drops and other steps in view, the lowest first."""
 
     def printed(self) -> tuple[str, list[tuple[str, str]]]:
@@ -54,8 +56,9 @@ def look_once(
         RecordError: If gravity is not three numbers.
     """
     frame, down = _one(given, camera, gravity_C)
-    sight = replace(StairDetector().look(frame, down), frame=frame)
-    return gated(sight, calibration_evidence(sight, frame.camera, down))
+    sight = StairDetector().look(frame, down)
+    sight = gated(sight, calibration_evidence(sight, frame.camera, down))
+    return replace(sight, draw=partial(overlay, frame, sight))
 
 
 def ground_once(
@@ -93,9 +96,6 @@ def _one(
     else:
         frame = given if camera is None else replace(given, camera=camera)
     return frame, None if gravity_C is None else shaped("gravity", gravity_C, (3,), "three numbers x, y, z")
-    down = None if gravity_C is None else shaped("gravity", gravity_C, (3,), "three numbers x, y, z")
-    sight = StairDetector().look(frame, down)
-    return gated(sight, calibration_evidence(sight, frame.camera, down))
 
 
 def _depth_frame(depth_m: ArrayLike, camera: PinholeCamera | None) -> RgbdFrame:

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from io import BytesIO
 from pathlib import Path
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from treadline.core.errors import SettingsError
@@ -11,8 +12,6 @@ from treadline.core.files import write_whole
 from treadline.core.model_scores import Comparison
 from treadline.core.models import LinearModel
 from treadline.core.transfer_function import FrequencyResponse, TimeResponse
-from treadline.perception.detection import StairDetection
-from treadline.perception.overlay import Picture, overlay
 from treadline.report import _model_figures as figures
 from treadline.report._model_runs import cut
 from treadline.report.labels import ColumnLabel, channel
@@ -23,7 +22,7 @@ FORMATS = (".svg", ".png", ".pdf")
 
 
 def figure_of(item: object) -> Figure:
-    """Return the figure of a model, a response, a comparison, a walk, or the picture of a detection.
+    """Return the figure of a model, a response, a comparison, a walk, or of a picture.
 
     A model has step response, magnitude and phase of each output in three rows, one column per input. A free run of a comparison is
     cut where it leaves the data.
@@ -32,8 +31,6 @@ def figure_of(item: object) -> Figure:
         TypeError: If the item is none of these.
     """
     match item:
-        case StairDetection() if item.frame is not None:
-            return picture_figure(overlay(item.frame, item))
         case Walk():
             return walk_figure(item.ground, item.chair, item.columns)
         case TimeResponse():
@@ -48,14 +45,11 @@ def figure_of(item: object) -> Figure:
             shown, ahead = (cut(values, item.measured)[0] for values in (item.modelled, item.ahead))
             labels = [channel(name) for name in item.percent]
             return figures.fit(item.t_s, item.measured, shown, ahead, None, labels, kind=item.kind)
+        case np.ndarray():
+            figure = Figure(figsize=(item.shape[1] / 100.0, item.shape[0] / 100.0))
+            figure.add_axes((0.0, 0.0, 1.0, 1.0), frameon=False, xticks=[], yticks=[]).imshow(item)
+            return figure
     raise TypeError(f"there is no figure of a {type(item).__name__}")
-
-
-def picture_figure(picture: Picture) -> Figure:
-    """Return a figure that is a picture."""
-    figure = Figure(figsize=(picture.shape[1] / 100.0, picture.shape[0] / 100.0))
-    figure.add_axes((0.0, 0.0, 1.0, 1.0), frameon=False, xticks=[], yticks=[]).imshow(picture)
-    return figure
 
 
 def write_comparisons(found: Mapping[str, Comparison], path: Path) -> None:
