@@ -31,7 +31,7 @@ from treadline.core.camera_images import PinholeCamera, RgbdFrame, black
 from treadline.core.rotations import Vector3
 from treadline.perception import DetectorConfig, StairDetector
 from treadline.perception.free_ground import SWEPT_HALF_M, ground_ahead
-from treadline.perception.steps import Step
+from treadline.perception.steps import SeenStep
 
 SENSORS = ("stereo", "kinect1", "tof")
 IMAGES = ((640, 480), (320, 240), (640, 480))
@@ -102,7 +102,7 @@ def claims_of(frame: RgbdFrame, gravity_C: Vector3, swept_half_m: float | None) 
     return replace(said, is_flight=math.isfinite(shape.run_sigma_m), end_known=ends, measured=measured)
 
 
-def _claimed(step: Step) -> ClaimedEdge:
+def _claimed(step: SeenStep) -> ClaimedEdge:
     ahead_m, left_m = np.mean(step.edge_m, axis=0).tolist()
     return ClaimedEdge(at_m=(-left_m, ahead_m), direction_rad=step.direction_rad, sigma_rad=step.sigma_rad, rise_m=step.rise_m)
 

@@ -16,7 +16,7 @@ import treadline as tl
 from treadline.core.angles import DEG
 from treadline.core.rotations import rotation_x
 from treadline.perception import StairDetector
-from treadline.perception.calibration_gate import CalibrationEvidence, Fault, calibration_evidence
+from treadline.perception.calibration_gate import CalibrationEvidence, CalibrationFault, calibration_evidence
 
 FRAMES = 8
 ROLL_NEEDED = "mirrored"
@@ -36,11 +36,11 @@ def evidence(known: KnownFrame) -> CalibrationEvidence:
     return found
 
 
-def fault_of(frames: Sequence[KnownFrame]) -> Fault | None:
+def fault_of(frames: Sequence[KnownFrame]) -> CalibrationFault | None:
     return functools.reduce(operator.add, [evidence(known) for known in frames]).fault
 
 
-def fault_with(cause: str, scene: str = "foot") -> Fault:
+def fault_with(cause: str, scene: str = "foot") -> CalibrationFault:
     found = fault_of([with_fault(known, cause) for known in folder(scene)])
     assert found is not None
     return found

@@ -41,7 +41,7 @@ from treadline.estimation import MountMonitor
 from treadline.mission.belt_controllers import Driver, Proposals
 from treadline.mission.planner import Planner, PlannerInput
 from treadline.perception import StairDetector
-from treadline.perception.calibration_gate import FRAMES, CalibrationEvidence, Fault, calibration_evidence
+from treadline.perception.calibration_gate import FRAMES, CalibrationEvidence, CalibrationFault, calibration_evidence
 from treadline.perception.detector import FrameResult
 from treadline.perception.frame_quality import quality_of
 from treadline.perception.free_ground import SWEPT_HALF_M, ground_ahead
@@ -140,7 +140,7 @@ class CameraBlock:
         self._gravity_agrees = False
         """Whether a frame with a stair has agreed with gravity: the IMU's axes are right."""
         self._evidence: CalibrationEvidence | None = None
-        self._fault: Fault | None = None
+        self._fault: CalibrationFault | None = None
 
     def update(self, reading: ImuSample | TrackReading) -> None:
         """Remember an attitude, or whether the chair moves."""

@@ -32,7 +32,7 @@ from treadline.perception._stair_shape import axes_of, shape_of, stair_axes_of
 from treadline.perception._step_parts import Axes, Flight, viewing_direction
 from treadline.perception.detection import Parts, StairDetection, refused
 from treadline.perception.free_ground import SWEPT_HALF_M
-from treadline.perception.steps import Step, steps_of, steps_without_flight, turn_of
+from treadline.perception.steps import SeenStep, steps_of, steps_without_flight, turn_of
 
 HALF = 0.5
 """Valid depth fraction below which a refusal names missing depth as the cause, instead of missing planes."""
@@ -232,7 +232,7 @@ class _Search:
             return refused(cause, edge_count=len(flight.nosings), evidence=flight.evidence)
 
         @cache
-        def find_steps() -> tuple[Step, ...]:
+        def find_steps() -> tuple[SeenStep, ...]:
             self.watch.resume()
             steps = steps_of(scene, flight, fit)
             self.watch.lap("steps")

@@ -1,10 +1,10 @@
 """Calibration gate: orientation of images, focal length, image size, mount and depth scale, tested before a heading is used.
 
-``StairDetection, PinholeCamera, gravity -> CalibrationEvidence -> Fault | None``. Floors and treads are horizontal, walls and
-risers vertical. With a wrong pinhole model, a plane has the normal Mᵀn, with a matrix M of both models. So a wrong focal length
-tilts treads and risers against each other, a wrong mount tilts both alike, and leaning risers or a sloping floor tilt one kind
-alone. Each frame adds linear equations of these errors, each hypothesis is a prior of their sizes, and the summed normal equations
-give its Bayesian evidence in closed form. A depth scale leaves all angles: the camera's height above the floor shows it.
+``StairDetection, PinholeCamera, gravity -> CalibrationEvidence -> CalibrationFault | None``. Floors and treads are horizontal,
+walls and risers vertical. With a wrong pinhole model, a plane has the normal Mᵀn, with a matrix M of both models. So a wrong focal
+length tilts treads and risers against each other, a wrong mount tilts both alike, and leaning risers or a sloping floor tilt one
+kind alone. Each frame adds linear equations of these errors, each hypothesis is a prior of their sizes, and the summed normal
+equations give its Bayesian evidence in closed form. A depth scale leaves all angles: the camera's height above the floor shows it.
 
 A mirrored image shows its roll with the wrong sign. Frames without roll do not show it, and a roll that is the same in all frames
 can be an error of the mount. A focal length shows best at a camera pitch of 45°, and only with treads and risers in view.
@@ -77,7 +77,7 @@ ramp of 8°, and leaning risers are no faults."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fault:
+class CalibrationFault:
     """Fault of a calibration."""
 
     cause: Cause
@@ -106,7 +106,7 @@ class CalibrationEvidence:
         return replace(self, **sums)
 
     @property
-    def fault(self) -> Fault | None:
+    def fault(self) -> CalibrationFault | None:
         """The fault that is decided; None without one."""
         if self.quarters.argmax():
             return self._turned(int(self.quarters.argmax()))
@@ -114,11 +114,11 @@ class CalibrationEvidence:
         lead[[0, MIRRORED, RESIZED]] = 0.0
         # A transform without level surfaces in most frames explains nothing.
         tried = [one for one in HYPOTHESES if one[1] == 0 or self.gram[one[1], 3, 3] > 0.5 * self.frames / SURFACE_SIGMA**2]
-        logs, misfits, errors = zip(*(_posterior(self.gram[at], wide) for _, at, wide in tried), strict=True)
+        logs, residuals, errors = zip(*(_posterior(self.gram[at], wide) for _, at, wide in tried), strict=True)
         logs = np.array(logs) + [lead[at] + RARE * (cause is None and len(wide) > 0) for cause, at, wide in tried]
         found = int(np.argmax(logs))
         # Frames that no hypothesis explains have larger deviations than assumed.
-        odds = np.exp((logs - logs[found]) / max(1.0, misfits[found] / (3 * self.frames)))
+        odds = np.exp((logs - logs[found]) / max(1.0, residuals[found] / (3 * self.frames)))
         cause = tried[found][0]
         others = sum(odd for odd, one in zip(odds, tried, strict=True) if one[0] != cause)
         if cause is None or others > math.exp(-DECIDED):
@@ -127,13 +127,13 @@ class CalibrationEvidence:
             return self._turned(tried[found][1])
         return self._fault(cause, self._remedy(cause, *errors[found][:3].tolist()))
 
-    def _turned(self, quarter: int) -> Fault:
+    def _turned(self, quarter: int) -> CalibrationFault:
         roll_deg = self.camera.mount_roll_rad / DEG
         remedy = f"set mount_roll_deg to {(roll_deg - 90.0 * quarter + 180.0) % 360.0 - 180.0:.0f} (is {roll_deg:.0f})"
         return self._fault("turned", f"images are turned clockwise by {90 * quarter}° from gravity; turn them back, or {remedy}")
 
-    def _fault(self, cause: Cause, text: str) -> Fault:
-        return Fault(cause=cause, text=f"{text}: {self.frames} frame{'s' * (self.frames > 1)}")
+    def _fault(self, cause: Cause, text: str) -> CalibrationFault:
+        return CalibrationFault(cause=cause, text=f"{text}: {self.frames} frame{'s' * (self.frames > 1)}")
 
     def _remedy(self, cause: Cause, longer: float, pitch_rad: float, roll_rad: float) -> str:
         camera = self.camera
@@ -154,7 +154,7 @@ class CalibrationEvidence:
             text = f"calibration of another image size; set cx to {cx} (is {camera.cx_px:g}), cy to {cy} (is {camera.cy_px:g}), "
         return f"{text}set fx to {fx:.0f} (is {camera.fx_px:.0f}) and fy to {fy:.0f} (is {camera.fy_px:.0f})"
 
-    def _depth_scale(self) -> Fault | None:
+    def _depth_scale(self) -> CalibrationFault | None:
         if len(self.below_m) < HEIGHT_FRAMES:
             return None
         below_m, height_m = float(np.median(self.below_m)), self.camera.mount_m[2]
@@ -238,14 +238,14 @@ def _equations(normals: Float[np.ndarray, "b 3"], camera: PinholeCamera, down: V
 
 
 def _posterior(gram: Float[np.ndarray, "8 8"], wide: dict[int, float]) -> tuple[float, float, Float[np.ndarray, " 7"]]:
-    """Return the log-evidence of a hypothesis, its least misfit (χ² with the prior's) and the mean errors."""
+    """Return the log-evidence of a hypothesis, its least residual (χ² with the prior's) and the mean errors."""
     sigmas = TOLERATED.copy()
     sigmas[list(wide)] = list(wide.values())
     # In units of the prior's standard deviations.
     information = np.eye(7) + sigmas[:, None] * gram[:7, :7] * sigmas
     errors = np.linalg.solve(information, sigmas * gram[:7, 7])
-    misfit = float(gram[7, 7] - (sigmas * gram[:7, 7]) @ errors)
-    return -0.5 * (misfit + float(np.linalg.slogdet(information)[1])), misfit, sigmas * errors
+    residual = float(gram[7, 7] - (sigmas * gram[:7, 7]) @ errors)
+    return -0.5 * (residual + float(np.linalg.slogdet(information)[1])), residual, sigmas * errors
 
 
 def _below_m(sight: StairDetection, camera: PinholeCamera, levelness: float) -> tuple[float, ...]:

@@ -51,7 +51,7 @@ error of its place."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Step:
+class SeenStep:
     """Edge of a step with its tread, in the horizontal plane of the chair: x ahead, y to the left of the chair's origin."""
 
     kind: StepKind
@@ -80,7 +80,7 @@ class Step:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Turn:
+class SeenTurn:
     """Where the steps of a flight go on in another direction."""
 
     after: int
@@ -98,12 +98,12 @@ class Turn:
         return f"turns by {turn} after {self.after} step(s) in view, {'on a landing' if self.on_landing else 'on winders'}"
 
 
-def turn_of(steps: Sequence[Step]) -> Turn | None:
+def turn_of(steps: Sequence[SeenStep]) -> SeenTurn | None:
     """Return the first turn of a flight; None if all steps in view are parallel."""
     for after, (one, other) in enumerate(itertools.pairwise(steps), start=1):
         turn_rad, sigma_rad = wrap(other.direction_rad - one.direction_rad), math.hypot(one.sigma_rad, other.sigma_rad)
         if abs(turn_rad) > TURNED:
-            return Turn(after=after, turn_rad=turn_rad, sigma_rad=sigma_rad, on_landing=one.kind == "landing")
+            return SeenTurn(after=after, turn_rad=turn_rad, sigma_rad=sigma_rad, on_landing=one.kind == "landing")
     return None
 
 
@@ -121,7 +121,7 @@ class _Edge:
     """Depth of the tread in view behind the edge [m]."""
 
 
-def steps_of(scene: Scene, flight: Flight, fit: EdgeFit) -> tuple[Step, ...]:
+def steps_of(scene: Scene, flight: Flight, fit: EdgeFit) -> tuple[SeenStep, ...]:
     """Return the steps of a flight and those that follow in other directions, the lowest of a rising flight first."""
     axes = Axes(ahead=fit.ahead, up=-fit.down, right=fit.edge)
     edges = _straight(scene, flight, fit, axes)
@@ -131,7 +131,7 @@ def steps_of(scene: Scene, flight: Flight, fit: EdgeFit) -> tuple[Step, ...]:
     return _named(scene, edges, flight)
 
 
-def steps_without_flight(scene: Scene) -> tuple[Step, ...]:
+def steps_without_flight(scene: Scene) -> tuple[SeenStep, ...]:
     """Return the steps of a frame without a straight flight, the lowest first: two at least, one on top of the other.
 
     A single box on the floor is as high as a step.
@@ -145,7 +145,7 @@ def steps_without_flight(scene: Scene) -> tuple[Step, ...]:
     return _named(scene, list(itertools.compress(edges, stacked)), None)
 
 
-def _named(scene: Scene, edges: list[_Edge], flight: Flight | None) -> tuple[Step, ...]:
+def _named(scene: Scene, edges: list[_Edge], flight: Flight | None) -> tuple[SeenStep, ...]:
     depths = [_depth(edge, after) for edge, after in zip(edges, [*edges[1:], None], strict=False)]
     return tuple(
         _step(scene, edge, depth, _kind(flight, edges, depths, k))
@@ -293,14 +293,14 @@ def _kind(flight: Flight | None, edges: list[_Edge], depths: list[tuple[float, f
     return "winder" if float(edge.ahead @ after.ahead) > MEETING else "landing"
 
 
-def _step(scene: Scene, edge: _Edge, depth: tuple[float, float, float] | None, kind: StepKind) -> Step:
+def _step(scene: Scene, edge: _Edge, depth: tuple[float, float, float] | None, kind: StepKind) -> SeenStep:
     """Return an edge in the horizontal plane of the chair."""
     camera, level = scene.frame.camera, scene.level
     way, left = viewing_direction(camera.R_BC), cross(level.up, level.ahead)
     p_C = camera.R_BC.T @ np.array(camera.mount_m)
     plan = way * (edge.ends + p_C) @ np.stack([level.ahead, left], axis=1)
     (x0, y0), (x1, y1) = plan.tolist()
-    return Step(
+    return SeenStep(
         kind=kind,
         height_m=edge.top_m + float(p_C @ level.up),
         rise_m=edge.rise_m,
