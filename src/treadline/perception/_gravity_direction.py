@@ -23,7 +23,7 @@ BUNDLE = 8.0 * DEG
 BUNDLE_BLOCKS = 24
 """Least number of blocks of a bundle."""
 MIDDLES = 200
-"""Largest number of normals tried as centre of a bundle."""
+"""Number of normals of a frame that suffice to find a common direction."""
 GRAVITY_REJECTED, AGREED_SHARE = 2.0, 0.5
 """Number of declared standard deviations between treads and IMU above which the IMU is rejected, and the agreement of the treads as
 a fraction of it."""

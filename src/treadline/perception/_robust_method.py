@@ -30,7 +30,7 @@ from treadline.perception._single_step import shape_of_single, single_step_in
 from treadline.perception._stair_map import map_of
 from treadline.perception._stair_shape import axes_of, shape_of, stair_axes_of
 from treadline.perception._step_parts import Axes, Flight, viewing_direction
-from treadline.perception.detection import Parts, StairDetection, refused
+from treadline.perception.detection import StairDetection, refused
 from treadline.perception.free_ground import SWEPT_HALF_M
 from treadline.perception.steps import SeenStep, steps_of, steps_without_flight, turn_of
 
@@ -104,7 +104,7 @@ def detect_stair(
             continue
         tried = search.under(_Down(direction=guess, reference=guess, sigma_rad=TREADS_SIGMA, least_levels=least_levels), blocks)
         sight = tried if tried.accepted or not least_levels else sight
-    return sight
+    return replace(sight, blocks=blocks)
 
 
 def _too_few(blocks: PlanarBlocks, depth_m: Float32[np.ndarray, "h w"]) -> str:
@@ -143,18 +143,17 @@ class _Search:
             direction=levelled(imu_down, blocks.unit, UPRIGHT), reference=imu_down, sigma_rad=GRAVITY_SIGMA, least_levels=0
         )
         sight = self.under(down, blocks)
-        if sight.parts is not None and len(sight.parts.treads) >= TREADS_LEAST:
+        if len(sight.treads) >= TREADS_LEAST:
             return sight
         guess = down_of_treads(blocks.unit, LOOKING_AHEAD)
         if guess is None or float(guess @ imu_down) > np.cos(UPRIGHT):
             return sight
         other = self.under(_Down(direction=guess, reference=guess, sigma_rad=TREADS_SIGMA, least_levels=0), blocks)
-        treads = () if other.parts is None else other.parts.treads
-        normals = np.array([np.copysign(1.0, tread.unit @ guess) * tread.unit for tread in treads]).reshape(-1, 3)
+        normals = np.array([np.copysign(1.0, tread.unit @ guess) * tread.unit for tread in other.treads]).reshape(-1, 3)
         off = off_gravity(normals, imu_down)
         if off is None:
             return sight
-        cause = f"gravity is wrong: {len(treads)} level surfaces agree on a vertical {off / DEG:.0f}° off the IMU's"
+        cause = f"gravity is wrong: {len(other.treads)} level surfaces agree on a vertical {off / DEG:.0f}° off the IMU's"
         return refused(cause, edge_count=sight.edge_count)
 
     def under(self, down: _Down, blocks: PlanarBlocks) -> StairDetection:
@@ -263,11 +262,8 @@ class _Search:
             shape=shape,
             evidence=flight.evidence,
             axes=None if flight.is_single else stair_axes_of(self.frame.t_s, level, shape, edge),
-            parts=Parts(
-                risers=tuple(flight.risers),
-                treads=tuple(flight.treads),
-                blocks=blocks,
-            ),
+            risers=tuple(flight.risers),
+            treads=tuple(flight.treads),
             draw_map=draw_map,
             find_steps=find_steps,
         )

@@ -22,7 +22,8 @@ from treadline.core.angles import DEG
 from treadline.core.arrays import cross
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.rotations import Vector3, rotation_z
-from treadline.perception._gravity_direction import BUNDLE, levelled
+from treadline.perception._gravity_direction import BUNDLE, MIDDLES, levelled
+from treadline.perception._lattice import UPRIGHT
 from treadline.perception.detection import StairDetection, refused
 
 FRAMES = 20
@@ -31,10 +32,6 @@ RARE = math.log(0.1)
 """Prior log-odds of leaning risers or a sloping floor against an upright building, an assumption: one in ten."""
 DECIDED = 3.0
 """Log-odds of a fault against all other hypotheses above which frames are refused [nats]: 20 to 1."""
-BLOCKS = 200
-"""Number of blocks that show how an image is turned; three times as many show the tilt of level surfaces."""
-SEARCHED = 18.0 * DEG
-"""Largest angle of a block's normal from vertical or horizontal [rad]: a focal length 40 % off tilts treads and risers by 9.5°."""
 FACING, RISER_BLOCKS = 0.5, 150
 """Least z of the normal of a vertical block that faces the camera, because focal length and lean do not tilt side walls; and least
 number of such blocks, those of a riser 1 m wide at 2 m: the front edges of open treads are blends of planes."""
@@ -60,8 +57,6 @@ Cause = Literal["turned", "mirrored", "focal length", "image size", "mount", "de
 MIRRORED, RESIZED = 4, 5
 """Transforms of an image after its four quarter turns. At a camera pitch of 45°, treads that are upside down look like risers and
 risers like treads; at 40°, like a mount that is 10° off; at 0°, side walls that are turned by 90° look like a floor."""
-KINDS = [3, 6]
-"""Errors that only level surfaces and only vertical ones show."""
 HYPOTHESES: tuple[tuple[Cause | None, int, dict[int, float]], ...] = (
     (None, 0, {}),
     (None, 0, dict.fromkeys((3, 4, 5), 8.0 * DEG)),
@@ -169,7 +164,7 @@ def calibration_evidence(sight: StairDetection, camera: PinholeCamera, gravity_C
     if gravity_C is None or sight.blocks is None or not 0.0 < float(np.linalg.norm(gravity_C)) < math.inf:
         return None
     down = gravity_C / np.linalg.norm(gravity_C)
-    few = sight.blocks.unit[:: max(1, len(sight.blocks.unit) // BLOCKS)]
+    few = sight.blocks.unit[:: max(1, len(sight.blocks.unit) // MIDDLES)]
     turned = few @ _transforms(camera)
     squares = np.square(turned @ down) / np.einsum("tbi,tbi->tb", turned, turned)
     off = np.minimum(squares, 1.0 - squares) / AGREEMENT**2
@@ -179,12 +174,14 @@ def calibration_evidence(sight: StairDetection, camera: PinholeCamera, gravity_C
         turned = math.atan2(down[1], down[0]) - math.atan2(level_C[1], level_C[0])
         quarters[round(turned / (0.5 * math.pi)) % 4] = 1
     unmirrored = [0, *(quarter for quarter in (1, 2, 3) if agreement[quarter] > agreement[0])]
-    tried = [*unmirrored, MIRRORED, *([RESIZED] if _is_off_centre(camera) else [])]
+    off_px = math.hypot(camera.width_px - 1 - 2.0 * camera.cx_px, camera.height_px - 1 - 2.0 * camera.cy_px)
+    tried = [*unmirrored, MIRRORED, *([RESIZED] if off_px > 2.0 * OFF_CENTRE * camera.width_px else [])]
     for at in tried:
         gram[at] = _equations(sight.blocks.unit @ _transforms(camera)[at], camera, down)
-    kinds = np.count_nonzero(gram[:, KINDS, KINDS], axis=1)
+    # The slope of level surfaces and the lean of risers: errors that only one kind of surface shows.
+    kinds = np.count_nonzero(gram[:, [3, 6], [3, 6]], axis=1)
     # Surfaces of a kind that one transform makes level or vertical and another does not are far off in the other.
-    gram[tried, 7, 7] += (kinds[tried] < kinds[unmirrored].max()) * (SEARCHED / SURFACE_SIGMA) ** 2
+    gram[tried, 7, 7] += (kinds[tried] < kinds[unmirrored].max()) * (UPRIGHT / SURFACE_SIGMA) ** 2
     below_m = _below_m(sight, camera, float(level_C @ down))
     return CalibrationEvidence(
         camera=camera, frames=1, agreement=SURFACES * agreement, quarters=quarters, gram=gram, below_m=below_m
@@ -209,11 +206,6 @@ def _transforms(camera: PinholeCamera) -> Float[np.ndarray, "6 3 3"]:
     return found
 
 
-def _is_off_centre(camera: PinholeCamera) -> bool:
-    off_px = math.hypot(camera.width_px - 1 - 2.0 * camera.cx_px, camera.height_px - 1 - 2.0 * camera.cy_px)
-    return off_px > 2.0 * OFF_CENTRE * camera.width_px
-
-
 def _equations(normals: Float[np.ndarray, "b 3"], camera: PinholeCamera, down: Vector3) -> Float[np.ndarray, "8 8"]:
     """Return the normal equations of the mean normals of level surfaces and of vertical ones that face the camera.
 
@@ -222,11 +214,11 @@ def _equations(normals: Float[np.ndarray, "b 3"], camera: PinholeCamera, down: V
     lateral_C = camera.R_BC.T @ [-math.sin(camera.mount_yaw_rad), math.cos(camera.mount_yaw_rad), 0.0]
     tilts = np.stack([cross(down, lateral_C), cross(down, np.array([0.0, 0.0, 1.0]))])
     rows, unit = np.zeros((4, 8)), normals / np.sqrt(np.einsum("bi,bi->b", normals, normals))[:, None]
-    level, leans = levelled(down, unit[:: max(1, len(unit) // (3 * BLOCKS))], SEARCHED), unit @ down
+    level, leans = levelled(down, unit[:: max(1, len(unit) // (3 * MIDDLES))], UPRIGHT), unit @ down
     if level is not down:
         rows[:3, 0] = down * [1.0, 1.0, 0.0] - float(down[:2] @ down[:2]) * down
         rows[:3, 1:3], rows[:3, 3:6], rows[:3, 7] = tilts.T, np.eye(3), level - down
-    facing = (np.abs(leans) < math.sin(SEARCHED)) & (np.abs(unit[:, 2]) > FACING)
+    facing = (np.abs(leans) < math.sin(UPRIGHT)) & (np.abs(unit[:, 2]) > FACING)
     count = int(np.count_nonzero(facing))
     if count >= RISER_BLOCKS:
         # The median: blocks over the edge of a tread lean towards its normal.
@@ -250,10 +242,10 @@ def _posterior(gram: Float[np.ndarray, "8 8"], wide: dict[int, float]) -> tuple[
 
 def _below_m(sight: StairDetection, camera: PinholeCamera, levelness: float) -> tuple[float, ...]:
     """Return the height of a level chair's camera above the floor before a flight that rises; nothing without one."""
-    if sight.parts is None or sight.axes is None or sight.shape is None or sight.shape.direction != "up":
+    if sight.axes is None or sight.shape is None or sight.shape.direction != "up" or not sight.treads:
         return ()
-    if levelness < math.cos(LEVEL) or camera.mount_m[2] <= 0.0 or not sight.parts.treads:
+    if levelness < math.cos(LEVEL) or camera.mount_m[2] <= 0.0:
         return ()
-    below_m, height_m = max(float(tread.centre @ sight.axes.down_C) for tread in sight.parts.treads), camera.mount_m[2]
+    below_m, height_m = max(float(tread.centre @ sight.axes.down_C) for tread in sight.treads), camera.mount_m[2]
     # The floor itself may be hidden below the camera: then it is whole rises below the lowest tread in view.
     return (below_m + max(0, round((height_m - below_m) / sight.shape.rise_m)) * sight.shape.rise_m,)

@@ -24,15 +24,6 @@ Stages = tuple[Picture, ...]
 """Six stages of Fig. 5 as images."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Parts:
-    """Intermediate results of the robust detector, for images and diagnosis."""
-
-    blocks: PlanarBlocks
-    risers: tuple[Surface, ...]
-    treads: tuple[Surface, ...]
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class StairDetection(Printable, Plottable):
     """Detection result of one frame."""
@@ -56,9 +47,10 @@ class StairDetection(Printable, Plottable):
     """Whether the evidence is that of two levels and two fronts, or of a third that fits badly. Furniture before a wall can show
     it as well: the heading is that of a stair if this is one, and rise and run are hardly known."""
     axes: StairAxes | None = None
-    parts: Parts | None = None
+    risers: tuple[Surface, ...] = ()
+    treads: tuple[Surface, ...] = ()
     blocks: PlanarBlocks | None = None
-    """Planar blocks of a frame with gravity, accepted or not, for the calibration gate."""
+    """Planar blocks of a frame, accepted or not; None with too few of them."""
     draw_map: Callable[[], StairMap] | None = None
     """Function that returns the map, computed once."""
     find_steps: Callable[[], tuple[SeenStep, ...]] | None = None

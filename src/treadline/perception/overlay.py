@@ -37,15 +37,15 @@ def overlay(frame: RgbdFrame, sight: StairDetection) -> Picture:
     """Return the frame with all detected objects; a rejected frame with the reason."""
     scale = WIDTH_PX / frame.camera.width_px
     picture = np.ascontiguousarray(frame.rgb.copy())
-    if sight.parts is not None:
-        side_px = picture.shape[1] // sight.parts.blocks.nearness.shape[0]
-        for kind, surfaces in (("tread", sight.parts.treads), ("riser", sight.parts.risers)):
+    if sight.blocks is not None:
+        side_px = picture.shape[1] // sight.blocks.nearness.shape[0]
+        for kind, surfaces in (("tread", sight.treads), ("riser", sight.risers)):
             for surface in surfaces:
                 _tint(picture, surface, COLOURS[kind], side_px)
     picture = cv2.resize(picture, (WIDTH_PX, round(frame.camera.height_px * scale)), interpolation=cv2.INTER_LINEAR)
     straight = sight.edge_count if sight.turn is None else sight.turn.after
     for number, step in enumerate(sight.steps):
-        is_of_flight = sight.parts is not None and number < straight
+        is_of_flight = sight.shape is not None and number < straight
         _line(picture, frame.camera, np.array(step.ends_C), scale, "nosing" if is_of_flight else "turned")
     canvas = np.zeros((picture.shape[0] + BAND_PX, WIDTH_PX, 3), dtype=np.uint8)
     canvas[: picture.shape[0]] = picture

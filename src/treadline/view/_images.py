@@ -79,8 +79,8 @@ def shown(frame: RgbdFrame, detection: Detection, taken_s: float, *, with_pictur
         reason, summary = None, f"heading from {measurement.edge_count} nosings"
     if stair is not None:
         more["nosings_B"] = np.array(stair.nosings_B).reshape(-1, 3)
-    if found is not None and found.parts is not None:
-        more["planes_B"] = {name: planes_of(getattr(found.parts, name), frame.camera) for name in ("treads", "risers")}
+    if found is not None and found.shape is not None:
+        more["planes_B"] = {name: planes_of(getattr(found, name), frame.camera) for name in ("treads", "risers")}
     if with_picture:
         drawn = frame.rgb if found is None else overlay(frame, found)[:-BAND_PX]
         more["picture"] = as_jpeg(drawn, PICTURE_PX)
