@@ -36,10 +36,9 @@ TRIALS = np.arange(-90.0, 91.0, 5.0) * DEG
 """Azimuths at which vertical blocks are counted [rad]: within a third of ``RISER_SPREAD`` of any."""
 PASSES = 8
 """Largest number of directions of vertical surfaces in a frame: four winders, two walls, a flight, and one more."""
-PARALLEL = 5.0 * DEG
-"""Largest angle between surfaces of one direction [rad]: winders of a quarter turn differ by 15° at least."""
 TURNED = 5.0 * DEG
-"""Least angle between a turned step and the flight before it [rad]; winding flights turn by less per step, all of them."""
+"""Least angle between surfaces of two directions [rad]: winders of a quarter turn differ by 15° at least; winding flights turn by
+less per step, all of them."""
 MEETING = 0.3
 """Least cosine between the directions of the edges of a wedge-shaped tread: 72°; a quarter turn on one tread is a landing."""
 OWN_RAD = 0.3 * DEG
@@ -136,7 +135,7 @@ def steps_without_flight(scene: Scene) -> tuple[SeenStep, ...]:
 
     A single box on the floor is as high as a step.
     """
-    edges = _chain(scene, list(_uprights(scene, np.ones(scene.upright.size, dtype=np.bool_))), None, None, scene.level.up)
+    edges = _chain(scene, list(_uprights(scene, np.ones(scene.upright.size, dtype=np.bool_))), scene.level.up, [])
     ends_m = [(edge.top_m - edge.rise_m, edge.top_m) for edge in edges]
     limit_m = SIGMAS * TOP_SIGMA_M
     stacked = [
@@ -178,42 +177,45 @@ def _turned(scene: Scene, flight: Flight, fit: EdgeFit, axes: Axes) -> list[_Edg
 
     They lie beyond the last nosing that is parallel to the flight.
     """
-    last = [nosing for nosing, agrees in zip(flight.nosings, fit.agrees, strict=True) if agrees][-1]
+    straight = list(itertools.compress(flight.nosings, fit.agrees))
+    last, far_m = straight[-1], float(np.mean([nosing.point[2] for nosing in flight.nosings]))
     centres, facing_rad = scene.blocks.centres[scene.upright], _azimuth(scene, axes.ahead)
     is_beyond = centres @ axes.ahead > last.ahead_m - AHEAD_M
     is_above = (centres - last.point) @ axes.up > 0.0
     is_turned = np.abs(scene.azimuth - facing_rad) > TURNED
-    return _chain(scene, list(_uprights(scene, is_beyond & is_above & is_turned)), flight, fit, axes.up)
+    tops_m = [float(nosing.point @ axes.up) for nosing in straight]
+    lows = list(_uprights(scene, is_beyond & is_above & is_turned))
+    return _chain(scene, lows, axes.up, tops_m, flight.rise_m, fit.rotation_rad / far_m**2)
 
 
-def _chain(scene: Scene, lows: list[Surface], flight: Flight | None, fit: EdgeFit | None, up: Vector3) -> list[_Edge]:
+def _chain(
+    scene: Scene, lows: list[Surface], up: Vector3, steps_m: list[float], usual_m: float | None = None, turn_rad_m2: float = 0.0
+) -> list[_Edge]:
     """Return the steps among some vertical surfaces no higher than a step, the lowest first.
 
     A step stands on a level in view or on the step before. If that hides its foot, its top is the rise of the flight higher.
 
     Args:
-        flight: Flight before the steps, with the fit of its edges; None without one.
+        steps_m: Heights of the steps before.
+        usual_m: Rise of the flight before; None without one.
+        turn_rad_m2: Standard deviation of the rotation of its steps, by noise, over the square of their distance.
     """
     rows = riser_rows([riser_of(low, scene.frame.camera) for low in lows], scene.blocks, scene.level, scene.frame.camera)
-    steps_m = (
-        []
-        if flight is None or fit is None
-        else [float(nosing.point @ up) for nosing, agrees in zip(flight.nosings, fit.agrees, strict=True) if agrees]
-    )
     levels_m = [float(tread.surface.centre @ up) for tread in scene.treads]
     found: dict[int, tuple[int, _Edge]] = {}
     for k in np.argsort(rows[:, 2]).tolist():
         top_m, top_var, foot_m, foot_var = rows[k, 2:6].tolist()
         rise_m, beneath_m = top_m - foot_m, [*steps_m, *levels_m]
-        if not math.isfinite(foot_var) and flight is not None:
-            foot_m, foot_var, rise_m, beneath_m = top_m - flight.rise_m, top_var, flight.rise_m, steps_m
+        if not math.isfinite(foot_var) and usual_m is not None:
+            foot_m, foot_var, rise_m, beneath_m = top_m - usual_m, top_var, usual_m, steps_m
         limit_m = SIGMAS * math.sqrt(TREAD_SIGMA_M**2 + foot_var + RISE_IRREGULAR_M**2)
         stands = any(abs(foot_m - z_m) < limit_m and z_m - limit_m < float(lows[k].centre @ up) < top_m for z_m in beneath_m)
         if not (stands and math.isfinite(top_var + foot_var) and RISE_M[0] < rise_m < RISE_M[1]):
             continue
         number = next((n for n, (_, edge) in found.items() if abs(edge.top_m - top_m) < 0.5 * RISE_M[0]), len(found))
         if lows[k].blocks.size > found.get(number, (0, None))[0]:
-            found[number] = lows[k].blocks.size, _edge_of(scene, lows[k], _own_rad(lows[k], flight, fit), up, top_m, rise_m)
+            own_rad = max(OWN_RAD, float(lows[k].centre[2]) ** 2 * turn_rad_m2)
+            found[number] = lows[k].blocks.size, _edge_of(scene, lows[k], own_rad, up, top_m, rise_m)
         steps_m.append(top_m)
     return sorted((edge for _, edge in found.values()), key=lambda edge: edge.top_m)
 
@@ -239,7 +241,7 @@ def _uprights(scene: Scene, free: Bool[np.ndarray, " v"]) -> Iterator[Surface]:
             if not found:
                 break
             azimuth = _azimuth(scene, max(found, key=lambda surface: surface.blocks.size).unit)
-        parallel = [surface for surface in found if abs(_azimuth(scene, surface.unit) - azimuth) < PARALLEL]
+        parallel = [surface for surface in found if abs(_azimuth(scene, surface.unit) - azimuth) < TURNED]
         for surface in parallel:
             yield from low_parts(surface, scene.blocks, scene.frame.camera, turned_axes(scene.level, _azimuth(scene, surface.unit)))
         claimed = np.isin(upright, np.concatenate([surface.blocks for surface in parallel])) if parallel else most
@@ -248,14 +250,6 @@ def _uprights(scene: Scene, free: Bool[np.ndarray, " v"]) -> Iterator[Surface]:
 
 def _azimuth(scene: Scene, direction: Vector3) -> float:
     return math.atan2(float(direction @ scene.level.right), float(direction @ scene.level.ahead))
-
-
-def _own_rad(surface: Surface, flight: Flight | None, fit: EdgeFit | None) -> float:
-    """Return the standard deviation of the rotation of a single step [rad]: by noise it grows with the square of the distance."""
-    if flight is None or fit is None:
-        return OWN_RAD
-    far = float(surface.centre[2]) / float(np.mean([nosing.point[2] for nosing in flight.nosings]))
-    return max(OWN_RAD, far**2 * fit.rotation_rad)
 
 
 def _edge_of(scene: Scene, surface: Surface, own_rad: float, up: Vector3, top_m: float, rise_m: float) -> _Edge:
