@@ -17,15 +17,7 @@ from treadline.core.errors import ModelError, RecordError, SettingsError, Treadl
 from treadline.core.files import read_json, write_json
 from treadline.core.printing import Plottable, Printable
 from treadline.core.signals import TICK_S, on_the_tick
-from treadline.core.state_space import (
-    InputOutputRecord,
-    Provenance,
-    StateSpaceModel,
-    measured,
-    names_of,
-    samples_of,
-    store_checked,
-)
+from treadline.core.state_space import InputOutputRecord, Provenance, StateSpaceModel, measured, names_of, samples_of, store_checked
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

@@ -20,15 +20,7 @@ from treadline.core.signals import TICK_S, Event
 from treadline.experiments._replay_scores import ReplayScores
 from treadline.experiments._replay_settings import ReplaySettings, camera_items, key_table, resolved
 from treadline.io.mcap_log import RunLog
-from treadline.io.runs import (
-    LOG,
-    MANIFEST,
-    RUN_CONTROLLER,
-    begin_run,
-    log_metadata,
-    write_result,
-    write_series,
-)
+from treadline.io.runs import LOG, MANIFEST, RUN_CONTROLLER, begin_run, log_metadata, write_result, write_series
 from treadline.io.sensor_log import SensorLog
 from treadline.mission import Detection, Detector
 from treadline.mission.loop import Mission, Signal

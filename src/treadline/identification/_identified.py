@@ -29,13 +29,7 @@ from treadline.identification._fitting import CandidateScore, FittedSystem, Fitt
 from treadline.identification._gram import Gram, units_of
 from treadline.identification._limits import HALF, RECENT, ROUNDING
 from treadline.identification._model_order import gap_at
-from treadline.identification._pole_intervals import (
-    MEMORY_PER_LAG,
-    ConfidenceIntervals,
-    of_observer,
-    of_predicting,
-    of_refined,
-)
+from treadline.identification._pole_intervals import MEMORY_PER_LAG, ConfidenceIntervals, of_observer, of_predicting, of_refined
 from treadline.identification._skid_steer import SkidSteer, TurnFit, turn_fit
 from treadline.identification._threads import one_thread
 from treadline.identification._turn_model import (

@@ -19,10 +19,7 @@ from treadline.core.rotations import Vector3
 from treadline.perception import _plane_segmentation_kernels as surface_kernels
 from treadline.perception._gravity_direction import gravity_variance
 from treadline.perception._irregularity import pooled_mean, posterior_weights
-from treadline.perception._lattice_kernels import (
-    HIDDEN_SIGMA_M,
-    OVERHANG_SIGMA_M,
-)
+from treadline.perception._lattice_kernels import HIDDEN_SIGMA_M, OVERHANG_SIGMA_M
 from treadline.perception._nuisance import stretch_of
 from treadline.perception._nuisance_kernels import normal_equations
 from treadline.perception._plane_segmentation import Ends, PlanarBlocks, Surface

@@ -19,15 +19,7 @@ from treadline.io.images import MILLIMETRE, PAIR_S, Paired, Pairing, with_mount
 from treadline.io.mcap_read import BROKEN, RecordedTopic
 from treadline.io.messages import IMAGE
 from treadline.io.runs import LOG
-from treadline.io.topics import (
-    TopicSummary,
-    compressed_hint,
-    depth_topics,
-    image_topics,
-    packets,
-    received,
-    survey,
-)
+from treadline.io.topics import TopicSummary, compressed_hint, depth_topics, image_topics, packets, received, survey
 
 
 class FramesOfLog:

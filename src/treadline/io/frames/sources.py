@@ -7,14 +7,7 @@ from pathlib import Path
 
 from numpy.typing import ArrayLike
 
-from treadline.core.camera_images import (
-    FrameSource,
-    NamedFrame,
-    PinholeCamera,
-    SeveralFrames,
-    gravity_of,
-    gravity_table,
-)
+from treadline.core.camera_images import FrameSource, NamedFrame, PinholeCamera, SeveralFrames, gravity_of, gravity_table
 from treadline.core.errors import ImageError, SettingsError
 from treadline.core.models import BAG_SUFFIXES
 from treadline.io.frames._cloud_files import ENDINGS, read_cloud

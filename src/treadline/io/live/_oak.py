@@ -8,14 +8,7 @@ import numpy as np
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import CameraError
 from treadline.io.images import metres
-from treadline.io.live._depth_camera import (
-    CameraImages,
-    VendorCamera,
-    no_frame,
-    not_opened,
-    rotation_or_none,
-    vendor_package,
-)
+from treadline.io.live._depth_camera import CameraImages, VendorCamera, no_frame, not_opened, rotation_or_none, vendor_package
 
 SIZE_PX = (640, 400)
 """Width and height of the stereo images: half the resolution of the OV9282 sensors."""

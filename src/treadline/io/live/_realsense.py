@@ -6,15 +6,7 @@ import numpy as np
 
 from treadline.core.camera_images import PinholeCamera
 from treadline.io.images import metres
-from treadline.io.live._depth_camera import (
-    HEIGHT_PX,
-    RATE_HZ,
-    WIDTH_PX,
-    CameraImages,
-    VendorCamera,
-    not_opened,
-    vendor_package,
-)
+from treadline.io.live._depth_camera import HEIGHT_PX, RATE_HZ, WIDTH_PX, CameraImages, VendorCamera, not_opened, vendor_package
 
 
 class RealSenseCamera(VendorCamera):
