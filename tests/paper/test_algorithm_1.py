@@ -58,7 +58,7 @@ def test_step_4_finds_the_line_that_was_drawn(rise: int) -> None:
 
 def test_step_4_keeps_near_level_lines_only() -> None:
     lines = np.array([[0.0, 0.0, 100.0, 30.0], [0.0, 0.0, 100.0, 40.0], [0.0, 0.0, 100.0, -30.0], [5.0, 0.0, 5.0, 80.0]])
-    assert near_level(lines, 0.35).tolist() == lines[[0, 2]].tolist()
+    assert near_level(lines).tolist() == lines[[0, 2]].tolist()
 
 
 def test_step_5_makes_one_line_of_two_pieces_of_one_edge() -> None:

@@ -6,7 +6,7 @@ import pytest
 from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.perception import DetectorConfig, StairDetector
-from treadline.perception.paper.algorithm import BOX_COLOUR, PaperConfig, run_steps
+from treadline.perception.paper.algorithm import BOX_COLOUR, run_steps
 from treadline.perception.paper.edges import canny, grey_of, thresholds
 from treadline.perception.paper.hough_segments import merged, slopes
 
@@ -32,12 +32,12 @@ def test_equation_2_answers_90_degrees_to_a_square_chair(heading_deg: float, pri
 
 
 def test_every_nosing_becomes_one_line_at_its_row_and_stages_only_take_away() -> None:
-    steps = run_steps(banded(0.0), PaperConfig())
+    steps = run_steps(banded(0.0))
     assert sorted(steps.nosings[:, 1].round()) == pytest.approx(NOSINGS, abs=2.0)
     assert np.abs(slopes(steps.nosings)).max() < 0.01
     # Across the whole image but for the blur at its border.
     assert (steps.nosings[:, 2] - steps.nosings[:, 0]).min() > 300
-    turned = run_steps(banded(0.2), PaperConfig())
+    turned = run_steps(banded(0.2))
     assert not np.any(turned.kept_edges & ~(turned.colour_edges | turned.depth_edges))
     assert len(turned.lines) >= len(turned.level_lines) >= len(turned.nosings) > 0
 
@@ -63,7 +63,7 @@ def test_lines_without_depth_are_refused_with_the_reason() -> None:
     frame = banded(0.0)
     frame.depth_m[:, :40] = np.nan
     # Edges with no depth are taken away with the abrupt ones, so the lines end where depth does.
-    seen = run_steps(frame, PaperConfig()).nosings
+    seen = run_steps(frame).nosings
     assert seen[:, 0].min() >= 40
     frame.depth_m[:] = np.nan
     assert not PAPER.look(frame).accepted

@@ -87,7 +87,7 @@ def see(
     """
     from treadline.io.frames import read_frames
     from treadline.io.frames.point_cloud import AXES
-    from treadline.perception.paper.edges import ThresholdRule
+    from treadline.perception.detection import ThresholdRule
 
     if out is not None:
         claim(out, force=force)

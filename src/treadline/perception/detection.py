@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from jaxtyping import UInt8
@@ -19,6 +19,8 @@ from treadline.perception.steps import SeenStep, SeenTurn, turn_of
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+ThresholdRule = Literal["median", "otsu", "rosin", "mad"]
+"""Rule for Canny's thresholds in Algorithm 1, which the paper does not print."""
 Picture = UInt8[np.ndarray, "h w 3"]
 Stages = tuple[Picture, ...]
 """Six stages of Fig. 5 as images."""

@@ -5,12 +5,11 @@ rejection.
 """
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
-from treadline.core.angles import DEG
 from treadline.core.arrays import shaped
 from treadline.core.camera_images import RgbdFrame
 from treadline.core.errors import ImageError
@@ -18,11 +17,7 @@ from treadline.core.rotations import Vector3
 from treadline.core.signals import HeadingMeasurement, StairMap
 from treadline.perception._robust_method import Stopwatch, detect_stair
 from treadline.perception._stair_shape import StairShape
-from treadline.perception.detection import StairDetection
-from treadline.perception.paper.algorithm import PaperConfig, look_as_printed
-
-PAPER_SIGMA_RAD = 2.0 * DEG
-"""Declared standard deviation of Algorithm 1 [rad]: the printed method has none; its RMSE on accepted frames is 2.2°."""
+from treadline.perception.detection import StairDetection, ThresholdRule
 
 CONFIRMED_FOR_S = 10.0
 """Time for which a confirmed flight supports frames with two steps [s]: a chair at 0.1 m/s passes two steps in 7 s."""
@@ -35,7 +30,8 @@ class DetectorConfig:
     """Settings of the stair detector."""
 
     method: Literal["paper", "robust"] = "robust"
-    paper: PaperConfig = field(default_factory=PaperConfig)
+    threshold: ThresholdRule = "median"
+    """Rule for Canny's thresholds in Algorithm 1."""
     swept_half_m: float | None = None
     """Half width of the volume swept by the chair [m]: objects inside are obstacles, a narrower flight is rejected, and a single
     step (a kerb) as wide as the chair is accepted. None: no chair, no flight is too narrow, and one step is no stair."""
@@ -120,7 +116,9 @@ class StairDetector:
             watch = Stopwatch()
             self.timings = watch.laps_ms
             return detect_stair(frame, gravity_C, self._config.swept_half_m, watch)
-        return look_as_printed(frame, self._config.paper, PAPER_SIGMA_RAD, stages=stages)
+        from treadline.perception.paper.algorithm import look_as_printed  # most runs never need Algorithm 1
+
+        return look_as_printed(frame, self._config.threshold, stages=stages)
 
 
 def _same_flight(known: StairShape, seen: StairShape) -> bool:

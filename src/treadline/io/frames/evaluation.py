@@ -20,11 +20,9 @@ from treadline.core.camera_images import NamedFrame, PinholeCamera, RgbdFrame
 from treadline.core.errors import ImageError, SettingsError
 from treadline.core.printing import plain
 from treadline.perception.calibration_gate import FRAMES, CalibrationEvidence, calibration_evidence, gated
-from treadline.perception.detection import StairDetection, refused
+from treadline.perception.detection import StairDetection, ThresholdRule, refused
 from treadline.perception.detector import DetectorConfig, StairDetector
 from treadline.perception.overlay import overlay, write_picture, write_stages
-from treadline.perception.paper.algorithm import PaperConfig
-from treadline.perception.paper.edges import ThresholdRule
 from treadline.perception.paper.printed_heading import heading_about
 from treadline.perception.single_frame import ground_once
 
@@ -61,8 +59,8 @@ class FrameEvaluator:
             warm_up: Process frames twice up to the first accepted one, so that its time excludes loading the compiled kernels.
         """
         self._method = method
-        self._paper = PaperConfig(threshold=threshold)
-        self._detector = StairDetector(DetectorConfig(method=method, paper=self._paper))
+        self._threshold = threshold
+        self._detector = StairDetector(DetectorConfig(method=method, threshold=threshold))
         self._loaded = not warm_up
         self._evidence: dict[PinholeCamera, CalibrationEvidence] = {}
         self._is_tested = False
@@ -115,7 +113,7 @@ class FrameEvaluator:
         """Write the six stages of Fig. 5, if the frame has colour, and the detections of the robust method."""
         prefix = Path(named.name).stem
         if named.frame is not None and named.has_colour:
-            printed = StairDetector(DetectorConfig(method="paper", paper=self._paper))
+            printed = StairDetector(DetectorConfig(method="paper", threshold=self._threshold))
             shown = printed.look(named.frame, named.gravity_C, stages=True)
             if shown.stages is not None:
                 write_stages(shown.stages, folder, prefix=prefix)

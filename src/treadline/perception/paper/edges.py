@@ -4,19 +4,20 @@ Paper: Algorithm 1, steps 2 and 3, Fig. 5(b), (c). The paper does not print its 
 rule is used. The other rules are for comparison: in dim light a rule on grey values fails, a rule on gradients does not.
 """
 
-from typing import Literal
-
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32, UInt8
 
-ThresholdRule = Literal["median", "otsu", "rosin", "mad"]
+from treadline.perception.detection import ThresholdRule
+
 MEDIAN_SPREAD = 0.33
 """Relative distance of the thresholds from the median grey value."""
 GRADIENT_BINS = 128
 """Number of bins of the gradient histogram."""
 DEVIATIONS = 5.0
 """Number of median deviations above the median gradient at which the ``mad`` rule sets its threshold."""
+ABRUPT_M = 0.25
+"""Depth discontinuity within 3×3 pixels that removes an edge [m]: the paper leaves it open."""
 DEPTH_SPAN_M = 4.0
 """Depth mapped to white [m]: the useful range of the Kinect on a stair."""
 
@@ -87,7 +88,7 @@ def canny(grey: UInt8[np.ndarray, "h w"], rule: ThresholdRule) -> Bool[np.ndarra
 
 
 def without_abrupt_depth(
-    edges: Bool[np.ndarray, "h w"], depth_m: Float[np.ndarray, "h w"], abrupt_m: float
+    edges: Bool[np.ndarray, "h w"], depth_m: Float[np.ndarray, "h w"], abrupt_m: float = ABRUPT_M
 ) -> Bool[np.ndarray, "h w"]:
     """Return the edge pixels with valid depth and no depth discontinuity in their neighbourhood.
 

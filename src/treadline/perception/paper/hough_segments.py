@@ -14,6 +14,8 @@ LENGTH_SHARE = 0.12
 """Least length of a segment as a fraction of the image width."""
 GAP_PX = 6
 """Largest gap within a segment [px]."""
+LARGEST_SLOPE = 0.35
+"""Largest slope "near zero", which the paper leaves open: 19°."""
 SLOPE_PX = 2.0
 """Largest slope difference of merged segments, in rows per hundred columns."""
 OFFSET_PX = 10.0
@@ -48,12 +50,12 @@ def slopes(lines: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, " n"]:
     return np.asarray((lines[:, 3] - lines[:, 1]) / np.maximum(lines[:, 2] - lines[:, 0], 1e-9))
 
 
-def near_level(lines: Float[np.ndarray, "n 4"], largest_slope: float) -> Float[np.ndarray, "k 4"]:
+def near_level(lines: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "k 4"]:
     """Return the segments with a slope near zero.
 
     Paper: Algorithm 1, step 4.
     """
-    return lines[np.abs(slopes(lines)) <= largest_slope]
+    return lines[np.abs(slopes(lines)) <= LARGEST_SLOPE]
 
 
 def merged(lines: Float[np.ndarray, "n 4"], width_px: int) -> Float[np.ndarray, "k 4"]:
