@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from treadline.core.models import ControllerDesign, InputOutputRecord, LinearModel, Reconstruct
     from treadline.identification import IdentificationOptions, Identified
     from treadline.identification.options import IdentificationKeywords
+    from treadline.io.frames.single_frame import GroundDetection
     from treadline.perception import StairDetection
-    from treadline.perception.single_frame import GroundDetection
     from treadline.run.episode import Traverse
     from treadline.run.resolve import ControllerSource, DetectorSource, EstimatorSource, Opener, PlantName
     from treadline.run.run_scores import Scores
@@ -294,11 +294,9 @@ def detect_stair(
         ...     print(frame.name, tl.detect_stair(frame).accepted)
         wall.png False
     """
-    from treadline.core.camera_images import PinholeCamera
-    from treadline.perception.single_frame import look_once
-    from treadline.scenario.camera_file import calibration_in
+    from treadline.io.frames.single_frame import look_once
 
-    return look_once(depth_m, camera if isinstance(camera, PinholeCamera | None) else calibration_in(camera).camera, gravity)
+    return look_once(depth_m, camera, gravity)
 
 
 def detect_ground(
@@ -317,11 +315,9 @@ def detect_ground(
     Raises:
         ImageError, SettingsError, RecordError: As ``detect_stair``.
     """
-    from treadline.core.camera_images import PinholeCamera
-    from treadline.perception.single_frame import ground_once
-    from treadline.scenario.camera_file import calibration_in
+    from treadline.io.frames.single_frame import ground_once
 
-    return ground_once(depth_m, camera if isinstance(camera, PinholeCamera | None) else calibration_in(camera).camera, gravity)
+    return ground_once(depth_m, camera, gravity)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)

@@ -19,12 +19,12 @@ from treadline.core.angles import DEG, radians_hint
 from treadline.core.camera_images import NamedFrame, PinholeCamera, RgbdFrame
 from treadline.core.errors import ImageError, SettingsError
 from treadline.core.printing import plain
+from treadline.io.frames.single_frame import ground_once
 from treadline.perception.calibration_gate import FRAMES, CalibrationEvidence, calibration_evidence, gated
 from treadline.perception.detection import StairDetection, ThresholdRule, refused
 from treadline.perception.detector import DetectorConfig, StairDetector
 from treadline.perception.overlay import overlay, write_picture, write_stages
 from treadline.perception.paper.printed_heading import heading_about
-from treadline.perception.single_frame import ground_once
 
 NO_MOUNT = (
     "the calibration names no mount, so the camera is taken to look level and straight ahead: heading_deg is about the camera's "

@@ -18,6 +18,9 @@ from treadline.perception.detector import DetectorConfig, StairDetector
 from treadline.perception.free_ground import SWEPT_HALF_M, GroundProfile, ground_ahead
 from treadline.perception.overlay import overlay
 from treadline.perception.steps import SeenStep
+from treadline.scenario.camera_file import CameraFile, calibration_in
+
+Calibration = PinholeCamera | CameraFile | str | Path
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -41,18 +44,18 @@ class GroundDetection(Printable):
 
 
 def look_once(
-    given: NamedFrame | RgbdFrame | ArrayLike, camera: PinholeCamera | None = None, gravity_C: ArrayLike | None = None
+    given: NamedFrame | RgbdFrame | ArrayLike, camera: Calibration | None = None, gravity_C: ArrayLike | None = None
 ) -> StairDetection:
     """Return the heading and the geometry of the stair in one frame; refused where the frame shows a fault of its calibration.
 
     Args:
         given: Frame, or depth image [m].
-        camera: Calibration in place of the frame's; a depth image needs one.
+        camera: Calibration, its file (TOML), or the name of a shipped camera, in place of the frame's; a depth image needs one.
         gravity_C: Vector that points down, in place of the frame's.
 
     Raises:
         ImageError: If there is no image, or none in metres.
-        SettingsError: If a depth image comes without a calibration.
+        SettingsError: If a depth image comes without a calibration, or the calibration is none.
         RecordError: If gravity is not three numbers.
     """
     frame, down = _one(given, camera, gravity_C)
@@ -63,7 +66,7 @@ def look_once(
 
 def ground_once(
     given: NamedFrame | RgbdFrame | ArrayLike,
-    camera: PinholeCamera | None = None,
+    camera: Calibration | None = None,
     gravity_C: ArrayLike | None = None,
     swept_half_m: float = SWEPT_HALF_M,
 ) -> GroundDetection:
@@ -84,17 +87,18 @@ def ground_once(
 
 
 def _one(
-    given: NamedFrame | RgbdFrame | ArrayLike, camera: PinholeCamera | None, gravity_C: ArrayLike | None
+    given: NamedFrame | RgbdFrame | ArrayLike, camera: Calibration | None, gravity_C: ArrayLike | None
 ) -> tuple[RgbdFrame, Vector3 | None]:
     """Return frame and gravity of what is given."""
+    used = camera if isinstance(camera, PinholeCamera | None) else calibration_in(camera).camera
     if isinstance(given, NamedFrame):
         if given.frame is None:
             raise ImageError(f"{given.name}: {given.reason}")
-        return _one(given.frame, camera, given.gravity_C if gravity_C is None else gravity_C)
+        return _one(given.frame, used, given.gravity_C if gravity_C is None else gravity_C)
     if not isinstance(given, RgbdFrame):
-        frame = _depth_frame(given, camera)
+        frame = _depth_frame(given, used)
     else:
-        frame = given if camera is None else replace(given, camera=camera)
+        frame = given if used is None else replace(given, camera=used)
     return frame, None if gravity_C is None else shaped("gravity", gravity_C, (3,), "three numbers x, y, z")
 
 
