@@ -12,6 +12,7 @@ from treadline.core.signals import TICK_S, ImuSample
 from treadline.estimation import FilterConfig, HeadingFilter, OffsetEstimator
 from treadline.guard import Guard, GuardConfig
 from treadline.mission._blocks import Detector
+from treadline.mission._warm_up import stair_frames
 from treadline.mission.belt_controllers import ConstantSpeed, Driver
 from treadline.mission.loop import Blocks, Estimator
 from treadline.mission.mission_config import MissionConfig, Plugins, is_full_traversal
@@ -131,8 +132,6 @@ def warm_up(config: MissionConfig) -> None:
 
     Detector and estimator are new ones, of those shipped: a plug-in may keep what it has seen.
     """
-    from treadline.mission._warm_up import stair_frames  # what only plans never warms up
-
     shipped = replace(config, plugins=Plugins())
     detector, estimator = detector_of(shipped), _estimator_of(shipped)
     camera = config.chair.camera_at(rear=config.direction == "down")

@@ -15,7 +15,6 @@ from treadline.core.camera_images import RgbdFrame
 from treadline.core.errors import ImageError
 from treadline.core.rotations import Vector3
 from treadline.core.signals import HeadingMeasurement, StairMap
-from treadline.perception._robust_method import Stopwatch, detect_stair
 from treadline.perception._stair_shape import StairShape
 from treadline.perception.detection import StairDetection, ThresholdRule
 
@@ -112,11 +111,14 @@ class StairDetector:
         for name, image in (("depth", frame.depth_m), ("colour", frame.rgb) if self._config.method == "paper" else ("", None)):
             if image is not None:
                 _check_size(name, image, size)
+        # Each method is loaded when it is used: a plan needs none, and a mission warms up before it moves.
         if self._config.method == "robust":
+            from treadline.perception._robust_method import Stopwatch, detect_stair
+
             watch = Stopwatch()
             self.timings = watch.laps_ms
             return detect_stair(frame, gravity_C, self._config.swept_half_m, watch)
-        from treadline.perception.paper.algorithm import look_as_printed  # most runs never need Algorithm 1
+        from treadline.perception.paper.algorithm import look_as_printed
 
         return look_as_printed(frame, self._config.threshold, stages=stages)
 
