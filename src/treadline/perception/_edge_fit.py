@@ -21,9 +21,8 @@ from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.rotations import Vector3
 from treadline.perception._gravity_direction import gravity_variance
-from treadline.perception._irregularity import posterior_weights
 from treadline.perception._nuisance import SIZES as WARPS
-from treadline.perception._nuisance import turns_of_lines, turns_of_surfaces
+from treadline.perception._nuisance import posterior_weights, turns_of_lines, turns_of_surfaces
 from treadline.perception._nuisance_kernels import normal_equations
 from treadline.perception._plane_segmentation import Surface
 from treadline.perception._step_parts import Axes, NosingObservation, axes_about

@@ -18,9 +18,8 @@ from treadline.core.camera_images import PinholeCamera, StairAxes
 from treadline.core.rotations import Vector3
 from treadline.perception import _plane_segmentation_kernels as surface_kernels
 from treadline.perception._gravity_direction import gravity_variance
-from treadline.perception._irregularity import pooled_mean, posterior_weights
 from treadline.perception._lattice_kernels import HIDDEN_SIGMA_M, OVERHANG_SIGMA_M
-from treadline.perception._nuisance import stretch_of
+from treadline.perception._nuisance import pooled_mean, posterior_weights, stretch_of
 from treadline.perception._nuisance_kernels import normal_equations
 from treadline.perception._plane_segmentation import Ends, PlanarBlocks, Surface
 from treadline.perception._step_parts import Axes, Direction, Flight, axes_about, riser_rows, tread_rows
