@@ -44,7 +44,7 @@ STEPS_APART = 4
 OVERLAP_M = 0.08
 """Least common width of steps in view one after another [m]: two blocks 2 m away."""
 SIGMAS = 3.0
-"""Largest residual of a part of the lattice, in standard deviations."""
+"""Largest residual of a part of the lattice, and largest difference in rise and run of the same flight, in standard deviations."""
 CONTRADICTED, EMPTY = -3.0, -2.0
 """Log-probabilities of a step that the depth image contradicts, in parts of it if it does so at fewer points, and of a step without
 any part between others that have some: 1 % of those of drawn flights (20 of 1,890), 20 % from 5 m."""

@@ -6,7 +6,7 @@ riser on the way up. Only a horizontal chair knows the height of its own level, 
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from treadline.core.step_sizes import SINGLE_RISE_M
 from treadline.perception._lattice import EVIDENCE, Scene, nosing_of, risers_at, turned_axes, voted_azimuths
 from treadline.perception._plane_segmentation import Line
 from treadline.perception._stair_shape import StairShape
-from treadline.perception._step_parts import TREAD_SIGMA_M, Axes, Direction, Flight, Riser, Tread, viewing_direction
+from treadline.perception._step_parts import TREAD_SIGMA_M, Axes, Direction, Flight, Tread, viewing_direction
 from treadline.perception.free_ground import DROP_M, FLAT_RAD, LEVEL_SIZE_M
 
 RUN_M = 0.30
@@ -50,7 +50,8 @@ def single_step_in(scene: Scene, swept_half_m: float) -> Flight | None:
             place_m = float(front.middle @ axes.ahead)
             if not _meet(scene, low, high, axes, place_m, direction):
                 continue
-            risers = [] if direction == "down" else _risers(risers_at(scene, azimuth), axes, place_m)
+            faces = risers_at(scene, azimuth) if direction == "up" else ()
+            risers = [riser for riser in faces if abs(float(riser.surface.centre @ axes.ahead) - place_m) < AT_EDGE_M]
             nosing = nosing_of(1, _height(high, axes), [high], [high], risers, scene.blocks, axes, direction)
             if nosing.has_direction:
                 return Flight(
@@ -113,10 +114,6 @@ def _meet(scene: Scene, low: Tread, high: Tread, axes: Axes, place_m: float, dir
     foot = low.ends(axes)[1]
     meets = foot is not None and abs(float(foot.middle @ axes.ahead) - place_m) < AT_EDGE_M
     return meets and high_m[1] - place_m > LEVEL_SIZE_M[0]
-
-
-def _risers(risers: Iterator[Riser], axes: Axes, place_m: float) -> Sequence[Riser]:
-    return [riser for riser in risers if abs(float(riser.surface.centre @ axes.ahead) - place_m) < AT_EDGE_M]
 
 
 def _height(tread: Tread, axes: Axes) -> float:

@@ -64,10 +64,10 @@ class StairDetection(Printable, Plottable):
         """Return the heading with its uncertainty and the geometry of the stair, or why there is no heading."""
         if self.heading_rad is None or self.sigma_rad is None:
             return f"no heading: {self.reason}", [("step", str(step)) for step in self.steps]
-        if self.unconfirmed:
-            heading = f"heading {self.heading_rad / DEG:+.2f}° ± {1.96 * self.sigma_rad / DEG:.2f}° (95 %), unconfirmed"
-            return heading, [("edges", str(self.edge_count)), ("reason", str(self.reason))]
+        heading = f"heading {self.heading_rad / DEG:+.2f}° ± {1.96 * self.sigma_rad / DEG:.2f}° (95 %)"
         rows = [("edges", str(self.edge_count))]
+        if self.unconfirmed:
+            return f"{heading}, unconfirmed", [*rows, ("reason", str(self.reason))]
         if self.shape is not None:
             shape = self.shape
             rows += [
@@ -79,7 +79,7 @@ class StairDetection(Printable, Plottable):
                 ),
             ]
         rows += [("turn", str(self.turn))] if self.turn is not None else []
-        return f"heading {self.heading_rad / DEG:+.2f}° ± {1.96 * self.sigma_rad / DEG:.2f}° (95 %)", rows
+        return heading, rows
 
     def plot(self) -> "Figure":
         """Return the frame with treads, risers, nosings and heading, or the reason of the rejection, as a matplotlib figure."""

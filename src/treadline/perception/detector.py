@@ -15,13 +15,12 @@ from treadline.core.camera_images import RgbdFrame
 from treadline.core.errors import ImageError
 from treadline.core.rotations import Vector3
 from treadline.core.signals import HeadingMeasurement, StairMap
+from treadline.perception._lattice_kernels import SIGMAS
 from treadline.perception._stair_shape import StairShape
 from treadline.perception.detection import StairDetection, ThresholdRule
 
 CONFIRMED_FOR_S = 10.0
 """Time for which a confirmed flight supports frames with two steps [s]: a chair at 0.1 m/s passes two steps in 7 s."""
-SAME_SIGMAS = 3.0
-"""Largest difference in rise and run of the same flight, in standard deviations."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,8 +127,8 @@ def _same_flight(known: StairShape, seen: StairShape) -> bool:
     run_sigma_m = math.hypot(known.run_sigma_m, seen.run_sigma_m)
     return (
         known.direction == seen.direction
-        and abs(known.rise_m - seen.rise_m) < SAME_SIGMAS * rise_sigma_m
-        and abs(known.run_m - seen.run_m) < SAME_SIGMAS * run_sigma_m
+        and abs(known.rise_m - seen.rise_m) < SIGMAS * rise_sigma_m
+        and abs(known.run_m - seen.run_m) < SIGMAS * run_sigma_m
     )
 
 
