@@ -2,6 +2,7 @@
 
 import dataclasses
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from surfaces import CAMERA, frame_of
 
 from treadline.core.angles import DEG
 from treadline.perception import DetectorConfig, StairDetection, StairDetector
+from treadline.perception._stair_map import map_of
 from treadline.plant.sensors.camera.solids import solids_of, upright
 from treadline.scenario.scenario import Stair
 from treadline.vehicle.stair_solids import stair_boxes
@@ -69,14 +71,16 @@ def test_no_output_is_ever_not_a_number(view, detector: StairDetector) -> None:
             assert sight.sigma_rad is None or sight.sigma_rad > 0.0
 
 
-def test_a_mission_sees_heading_and_map_at_once_and_makes_the_map_only_when_asked(view) -> None:
+def test_a_mission_sees_heading_and_map_at_once_and_makes_the_map_only_when_asked(view, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = Mock(wraps=map_of)
+    monkeypatch.setattr("treadline.perception._robust_method.map_of", made)
     frame, down = view(7, 0.1, STAIR)
     seen = ROBUST.see(frame, down)
     assert seen.measurement == ROBUST.step(frame, down)
     assert (seen.measurement.t_s, seen.measurement.heading_rad) == (frame.t_s, ROBUST.look(frame, down).heading_rad)
-    assert "map" not in ROBUST.timings
+    assert not made.called
     assert ROBUST.see(frame, down).stair_map is not None
-    assert "map" in ROBUST.timings
+    assert made.called
     assert seen.stair_map is seen.stair_map is not None
     blind = replace(frame, depth_m=np.full_like(frame.depth_m, np.nan))
     empty = ROBUST.see(blind, down)

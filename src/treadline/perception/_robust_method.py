@@ -7,10 +7,9 @@ stair must be visible. A flight that was found is accepted as a stair that can b
 """
 
 import math
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 from jaxtyping import Float32
@@ -32,7 +31,7 @@ from treadline.perception._stair_shape import axes_of, shape_of, stair_axes_of
 from treadline.perception._step_parts import Axes, Flight, viewing_direction
 from treadline.perception.detection import StairDetection, refused
 from treadline.perception.free_ground import SWEPT_HALF_M
-from treadline.perception.steps import SeenStep, steps_of, steps_without_flight, turn_of
+from treadline.perception.steps import steps_of, steps_without_flight, turn_of
 
 HALF = 0.5
 """Valid depth fraction below which a refusal names missing depth as the cause, instead of missing planes."""
@@ -43,25 +42,6 @@ TREADS_SIGMA = 3.0 * DEG
 """Standard deviation of gravity from treads [rad]."""
 TREADS_LEAST = 2
 """Least number of treads horizontal by gravity, above which no tilted ones are considered."""
-
-
-class Stopwatch:
-    """Accumulated wall time of each stage of a detection."""
-
-    def __init__(self) -> None:
-        self.laps_ms: dict[str, float] = {}
-        """Milliseconds by stage, in the order in which the stages first ended."""
-        self._last_s = time.perf_counter()
-
-    def resume(self) -> None:
-        """Start the next stage now; the time before is not assigned."""
-        self._last_s = time.perf_counter()
-
-    def lap(self, stage: str) -> None:
-        """End a stage."""
-        now_s = time.perf_counter()
-        self.laps_ms[stage] = self.laps_ms.get(stage, 0.0) + 1e3 * (now_s - self._last_s)
-        self._last_s = now_s
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -77,9 +57,7 @@ class _Down:
     """Least number of evenly spaced tread levels: higher for an uncertain direction."""
 
 
-def detect_stair(
-    frame: RgbdFrame, gravity_C: Vector3 | None, swept_half_m: float | None, watch: Stopwatch | None = None
-) -> StairDetection:
+def detect_stair(frame: RgbdFrame, gravity_C: Vector3 | None, swept_half_m: float | None) -> StairDetection:
     """Return the detection result of a frame.
 
     Args:
@@ -90,11 +68,10 @@ def detect_stair(
         # A contiguous copy: each memory layout would compile the kernels again.
         frame = replace(frame, depth_m=np.require(depth_m, np.float32, ["C", "W"]))
     dense = reduced(frame)
-    search = _Search(frame=dense, camera=frame.camera, swept_half_m=swept_half_m, watch=watch or Stopwatch())
+    search = _Search(frame=dense, camera=frame.camera, swept_half_m=swept_half_m)
     blocks = surface_blocks(dense.depth_m, dense.camera)
     if len(blocks.sums) < 3 * LEAST_BLOCKS:
         return refused(_too_few(blocks, frame.depth_m))
-    search.watch.lap("blocks")
     if gravity_C is not None:
         return replace(search.with_imu(blocks, gravity_C), blocks=blocks)
     sight = refused("gravity is not known, and no treads show it")
@@ -126,7 +103,6 @@ class _Search:
     camera: PinholeCamera
     """Camera of the whole image."""
     swept_half_m: float | None
-    watch: Stopwatch
 
     def with_imu(self, blocks: PlanarBlocks, gravity_C: Vector3) -> StairDetection:
         """Return the result with gravity from the IMU.
@@ -169,7 +145,6 @@ class _Search:
     def _among(self, down: _Down, blocks: PlanarBlocks, *, is_uncertain: bool) -> StairDetection:
         """Return the result of the surfaces among some blocks."""
         scene = scene_of(self.frame, blocks, down.direction, is_uncertain=is_uncertain)
-        self.watch.lap("treads")
         if scene is None:
             return refused("the camera looks straight up or down")
         sight = self._in_scene(down, scene)
@@ -179,7 +154,6 @@ class _Search:
         """Return the result of a scene's flight."""
         blocks = scene.blocks
         flight = flight_in(scene)
-        self.watch.lap("flight")
         if self.swept_half_m is not None and (isinstance(flight, str) or flight.evidence < UNCONFIRMED):
             flight = single_step_in(scene, self.swept_half_m) or flight
         if isinstance(flight, str):
@@ -196,10 +170,7 @@ class _Search:
             spread_px=blocks.spread_px,
             measures_range=blocks.measures_range,
         )
-        self.watch.lap("direction")
-        sight = self._detection(down, scene, flight, fit)
-        self.watch.lap("geometry")
-        return sight
+        return self._detection(down, scene, flight, fit)
 
     def _detection(self, down: _Down, scene: Scene, flight: Flight, fit: EdgeFit) -> StairDetection:
         """Return the heading on a flight with its interval, or the cause of its refusal."""
@@ -230,23 +201,16 @@ class _Search:
         if cause is not None:
             return refused(cause, edge_count=len(flight.nosings), evidence=flight.evidence)
 
-        @cache
-        def find_steps() -> tuple[SeenStep, ...]:
-            self.watch.resume()
-            steps = steps_of(scene, flight, fit)
-            self.watch.lap("steps")
-            return steps
+        find_steps = cache(partial(steps_of, scene, flight, fit))
 
         @cache
         def draw_map() -> StairMap:
-            self.watch.resume()
             swept_half_m = SWEPT_HALF_M if self.swept_half_m is None else self.swept_half_m
             turn = turn_of(find_steps())
             nosings = flight.nosings if turn is None else flight.nosings[: turn.after]
             stair_map = map_of(self.frame, blocks, nosings, level.axes, shape, sides, swept_half_m, is_single=flight.is_single)
             if turn is not None:
                 stair_map = replace(stair_map, ends=turn.on_landing, turn_rad=turn.turn_rad)
-            self.watch.lap("map")
             return stair_map
 
         confirmed = flight.evidence >= EVIDENCE

@@ -59,8 +59,6 @@ class StairDetector:
     def __init__(self, config: DetectorConfig | None = None) -> None:
         self._config = config or DetectorConfig()
         self._confirmed: tuple[float, StairShape] | None = None
-        self.timings: dict[str, float] = {}
-        """Milliseconds by stage of the last look, with its map once that is made; the robust method's only."""
 
     def step(self, frame: RgbdFrame, gravity_C: Vector3 | None = None) -> HeadingMeasurement | None:
         """Return the heading in a frame, or None; ``look`` gives the reason.
@@ -112,11 +110,9 @@ class StairDetector:
                 _check_size(name, image, size)
         # Each method is loaded when it is used: a plan needs none, and a mission warms up before it moves.
         if self._config.method == "robust":
-            from treadline.perception._robust_method import Stopwatch, detect_stair
+            from treadline.perception._robust_method import detect_stair
 
-            watch = Stopwatch()
-            self.timings = watch.laps_ms
-            return detect_stair(frame, gravity_C, self._config.swept_half_m, watch)
+            return detect_stair(frame, gravity_C, self._config.swept_half_m)
         from treadline.perception.paper.algorithm import look_as_printed
 
         return look_as_printed(frame, self._config.threshold, stages=stages)
