@@ -65,16 +65,12 @@ def look_once(
 
 
 def ground_once(
-    given: NamedFrame | RgbdFrame | ArrayLike,
-    camera: Calibration | None = None,
-    gravity_C: ArrayLike | None = None,
-    swept_half_m: float = SWEPT_HALF_M,
+    given: NamedFrame | RgbdFrame | ArrayLike, camera: Calibration | None = None, gravity_C: ArrayLike | None = None
 ) -> GroundDetection:
-    """Return the ground ahead in one frame: kerbs, drops and obstacles.
+    """Return the ground ahead of the shipped wheelchair in one frame: kerbs, drops and obstacles.
 
     Args:
         given, camera, gravity_C: As for ``look_once``; without gravity the chair is taken to be level.
-        swept_half_m: Half width of the volume swept by the chair [m].
 
     Raises:
         ImageError, SettingsError, RecordError: As ``look_once``.
@@ -82,8 +78,8 @@ def ground_once(
     frame, down = _one(given, camera, gravity_C)
     if down is None:
         down = np.asarray(frame.camera.R_BC.T @ np.array([0.0, 0.0, -1.0]))
-    profile = ground_ahead(frame, down / max(float(np.linalg.norm(down)), 1e-9), swept_half_m)
-    return GroundDetection(profile=profile, steps=StairDetector(DetectorConfig(swept_half_m=swept_half_m)).look(frame, down).steps)
+    profile = ground_ahead(frame, down / max(float(np.linalg.norm(down)), 1e-9))
+    return GroundDetection(profile=profile, steps=StairDetector(DetectorConfig(swept_half_m=SWEPT_HALF_M)).look(frame, down).steps)
 
 
 def _one(
