@@ -16,18 +16,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
-    from treadline.core.camera_images import NamedFrame, PinholeCamera, RgbdFrame
     from treadline.core.models import ControllerDesign, InputOutputRecord, LinearModel, Reconstruct
     from treadline.identification import IdentificationOptions, Identified
     from treadline.identification.options import IdentificationKeywords
-    from treadline.io.frames.single_frame import GroundDetection
-    from treadline.perception import StairDetection
     from treadline.run.episode import Traverse
     from treadline.run.resolve import ControllerSource, DetectorSource, EstimatorSource, Opener, PlantName
     from treadline.run.run_scores import Scores
     from treadline.run.verdict import CheckReport
     from treadline.scenario import Scenario
-    from treadline.scenario.camera_file import CameraFile
 
     Data: TypeAlias = ArrayLike | InputOutputRecord | str | Path
 
@@ -260,64 +256,6 @@ def tune(
         vehicle=vehicle,
         accept_poor_fit=accept_poor_fit,
     )
-
-
-def detect_stair(
-    depth_m: "NamedFrame | RgbdFrame | ArrayLike",
-    camera: "PinholeCamera | CameraFile | str | Path | None" = None,
-    gravity: "ArrayLike | None" = None,
-) -> "StairDetection":
-    """Return the heading and the geometry of the stair in one frame.
-
-    Args:
-        depth_m: Frame of ``tl.read_frames``, or a depth image: distance along the optical axis [m], one row per image row; 0, NaN
-            and infinity mean no return.
-        camera: Calibration, its file (TOML), or the name of a shipped camera. A frame has its own.
-        gravity: Vector that points down in the camera's frame (x right, y down, z forward); if left out, the frame's own or, where
-            it has none, estimated from the treads.
-
-    Returns:
-        ``.accepted``, ``.reason`` (None if accepted), ``.heading_rad``, ``.sigma_rad``, ``.shape``, ``.stair_map``, ``.steps``,
-        ``.turn``, and ``.plot()``, the picture of what was detected.
-
-    Raises:
-        ImageError: If the image is not of the calibration's size, or not in metres.
-        SettingsError: If the calibration is missing or none, or its file cannot be read.
-        RecordError: If gravity is not three numbers.
-
-    Examples:
-        >>> import cv2, numpy as np
-        >>> import treadline as tl
-        >>> cv2.imwrite("wall.png", np.full((424, 512), 1500, dtype=np.uint16))  # a Kinect 2 before a wall
-        True
-        >>> for frame in tl.read_frames("wall.png"):
-        ...     print(frame.name, tl.detect_stair(frame).accepted)
-        wall.png False
-    """
-    from treadline.io.frames.single_frame import look_once
-
-    return look_once(depth_m, camera, gravity)
-
-
-def detect_ground(
-    depth_m: "NamedFrame | RgbdFrame | ArrayLike",
-    camera: "PinholeCamera | CameraFile | str | Path | None" = None,
-    gravity: "ArrayLike | None" = None,
-) -> "GroundDetection":
-    """Return the ground ahead of a level chair in one frame: kerbs, drops with their depth, and obstacles.
-
-    Args:
-        depth_m, camera, gravity: As for ``detect_stair``. The mount of the calibration gives the height of the ground.
-
-    Returns:
-        ``.profile``, with ``.free`` (``seen_m``, ``end_m``, ``drop_m``) and ``.obstacle_m``, and ``.steps``.
-
-    Raises:
-        ImageError, SettingsError, RecordError: As ``detect_stair``.
-    """
-    from treadline.io.frames.single_frame import ground_once
-
-    return ground_once(depth_m, camera, gravity)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)

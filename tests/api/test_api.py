@@ -24,8 +24,8 @@ from treadline.core.models import InputOutputRecord
 from treadline.scenario.scenario import Scenario
 
 PUBLIC = {
-    "IdentificationOptions", "Identified", "LinearModel", "Run", "Scenario", "check", "climb", "detect_ground", "detect_stair",
-    "frame_of_points", "identify", "load_model", "read_frames", "read_scenario", "scenarios", "tune",
+    "IdentificationOptions", "Identified", "LinearModel", "Run", "Scenario", "check", "climb", "detect_stair", "identify",
+    "frame_of_points", "load_model", "read_frames", "read_scenario", "scenarios", "tune",
 }  # fmt: skip
 SHORT = {"drive": {"duration_s": 0.5}, "sensors": {"camera": "statistical"}}
 
@@ -295,7 +295,7 @@ def test_the_hints_of_public_functions_name_types_that_exist() -> None:
     (block,) = [node for node in ast.parse(inspect.getsource(api)).body if isinstance(node, ast.If)]
     names = dict(vars(api))
     exec(compile(ast.Module(block.body, []), "imports for type checkers", "exec"), names)  # noqa: S102
-    for name in ("check", "climb", "detect_ground", "detect_stair", "identify", "load_model", "read_scenario", "scenarios", "tune"):
+    for name in ("check", "climb", "identify", "load_model", "read_scenario", "scenarios", "tune"):
         assert Any not in get_type_hints(getattr(api, name), names).values()
     options = {item.name: item.type for item in fields(tl.IdentificationOptions)}
     assert names["IdentificationKeywords"].__annotations__ == options

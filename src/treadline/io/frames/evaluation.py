@@ -19,7 +19,7 @@ from treadline.core.angles import DEG, radians_hint
 from treadline.core.camera_images import NamedFrame, PinholeCamera, RgbdFrame
 from treadline.core.errors import ImageError, SettingsError
 from treadline.core.printing import plain
-from treadline.io.frames.single_frame import ground_once
+from treadline.io.frames.single_frame import detect_ground
 from treadline.perception.calibration_gate import FRAMES, CalibrationEvidence, calibration_evidence, gated
 from treadline.perception.detection import StairDetection, ThresholdRule, refused
 from treadline.perception.detector import DetectorConfig, StairDetector
@@ -167,7 +167,7 @@ def _ground(named: NamedFrame, sight: StairDetection) -> list[str]:
     """Return what is on the ground of a frame without an accepted flight, in words; it takes gravity and a mount."""
     if sight.accepted or named.frame is None or named.gravity_C is None or not named.mount_known:
         return []
-    return [f"{name} {text}" if name != "step" else text for name, text in ground_once(named).printed()[1]]
+    return [f"{name} {text}" if name != "step" else text for name, text in detect_ground(named).printed()[1]]
 
 
 def measured_stair(seen: Sequence[Mapping[str, Any]]) -> str:

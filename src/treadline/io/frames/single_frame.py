@@ -21,6 +21,7 @@ from treadline.perception.steps import SeenStep
 from treadline.scenario.camera_file import CameraFile, calibration_in
 
 Calibration = PinholeCamera | CameraFile | str | Path
+"""Calibration, its file (TOML), or the name of a shipped camera."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -43,39 +44,57 @@ class GroundDetection(Printable):
         return f"ground seen from {free.blind_m:.2f} to {free.seen_m:.2f} m ahead of mid-track", rows
 
 
-def look_once(
-    given: NamedFrame | RgbdFrame | ArrayLike, camera: Calibration | None = None, gravity_C: ArrayLike | None = None
+def detect_stair(
+    depth_m: NamedFrame | RgbdFrame | ArrayLike, camera: Calibration | None = None, gravity: ArrayLike | None = None
 ) -> StairDetection:
     """Return the heading and the geometry of the stair in one frame; refused where the frame shows a fault of its calibration.
 
     Args:
-        given: Frame, or depth image [m].
-        camera: Calibration, its file (TOML), or the name of a shipped camera, in place of the frame's; a depth image needs one.
-        gravity_C: Vector that points down, in place of the frame's.
+        depth_m: Frame of ``tl.read_frames``, or a depth image: distance along the optical axis [m], one row per image row; 0, NaN
+            and infinity mean no return.
+        camera: Calibration, its file (TOML), or the name of a shipped camera. A frame has its own.
+        gravity: Vector that points down in the camera's frame (x right, y down, z forward); if left out, the frame's own or, where
+            it has none, estimated from the treads.
+
+    Returns:
+        ``.accepted``, ``.reason`` (None if accepted), ``.heading_rad``, ``.sigma_rad``, ``.shape``, ``.stair_map``, ``.steps``,
+        ``.turn``, and ``.plot()``, the picture of what was detected.
 
     Raises:
-        ImageError: If there is no image, or none in metres.
-        SettingsError: If a depth image comes without a calibration, or the calibration is none.
+        ImageError: If the image is not of the calibration's size, or not in metres.
+        SettingsError: If the calibration is missing or none, or its file cannot be read.
         RecordError: If gravity is not three numbers.
+
+    Examples:
+        >>> import cv2, numpy as np
+        >>> import treadline as tl
+        >>> cv2.imwrite("wall.png", np.full((424, 512), 1500, dtype=np.uint16))  # a Kinect 2 before a wall
+        True
+        >>> for frame in tl.read_frames("wall.png"):
+        ...     print(frame.name, tl.detect_stair(frame).accepted)
+        wall.png False
     """
-    frame, down = _one(given, camera, gravity_C)
+    frame, down = _one(depth_m, camera, gravity)
     sight = StairDetector().look(frame, down)
     sight = gated(sight, calibration_evidence(sight, frame.camera, down))
     return replace(sight, draw=partial(overlay, frame, sight))
 
 
-def ground_once(
-    given: NamedFrame | RgbdFrame | ArrayLike, camera: Calibration | None = None, gravity_C: ArrayLike | None = None
+def detect_ground(
+    depth_m: NamedFrame | RgbdFrame | ArrayLike, camera: Calibration | None = None, gravity: ArrayLike | None = None
 ) -> GroundDetection:
-    """Return the ground ahead of the shipped wheelchair in one frame: kerbs, drops and obstacles.
+    """Return the ground ahead of a level chair in one frame: kerbs, drops with their depth, and obstacles.
 
     Args:
-        given, camera, gravity_C: As for ``look_once``; without gravity the chair is taken to be level.
+        depth_m, camera, gravity: As for ``detect_stair``. The mount of the calibration gives the height of the ground.
+
+    Returns:
+        ``.profile``, with ``.free`` (``seen_m``, ``end_m``, ``drop_m``) and ``.obstacle_m``, and ``.steps``.
 
     Raises:
-        ImageError, SettingsError, RecordError: As ``look_once``.
+        ImageError, SettingsError, RecordError: As ``detect_stair``.
     """
-    frame, down = _one(given, camera, gravity_C)
+    frame, down = _one(depth_m, camera, gravity)
     if down is None:
         down = np.asarray(frame.camera.R_BC.T @ np.array([0.0, 0.0, -1.0]))
     profile = ground_ahead(frame, down / max(float(np.linalg.norm(down)), 1e-9))
