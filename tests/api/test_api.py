@@ -24,8 +24,8 @@ from treadline.core.models import InputOutputRecord
 from treadline.scenario.scenario import Scenario
 
 PUBLIC = {
-    "IdentificationOptions", "Identified", "LinearModel", "Run", "Scenario", "check", "climb", "detect_stair", "identify",
-    "frame_of_points", "load_model", "read_frames", "read_scenario", "scenarios", "tune",
+    "IdentificationOptions", "Identified", "LinearModel", "Run", "Scenario", "check", "climb", "detect_ground", "detect_stair",
+    "frame_of_points", "identify", "load_model", "read_frames", "read_scenario", "scenarios", "tune",
 }  # fmt: skip
 SHORT = {"drive": {"duration_s": 0.5}, "sensors": {"camera": "statistical"}}
 
