@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from treadline.control.flipper import LIES_RAD
 from treadline.core.signals import FlipperReading, HeadingEstimate, ImuSample, OperatorInput, Phase, StairMap, TrackReading
-from treadline.estimation.stair_tracker import StairTracker
+from treadline.estimation.stair_tracker import SAME, StairTracker
 from treadline.mission._situation import SIDE_M, Crossing, Situation, Way
 from treadline.mission.entry_check import certain_reject_reason, reject_reason
 from treadline.mission.mission_config import MissionConfig
@@ -88,7 +88,9 @@ class SituationTracker:
             first, pitch = around.nosings[0], around.pitch_rad
             is_before = abs(pitch) < LIES_RAD and first.ahead_m > before.config.chair.reach_m
             if is_before and not any(sill.end == "foot" for sill in before.sills):
-                self._first_rise_m = first.ahead_m * math.sin(pitch) + first.above_m * math.cos(pitch)
+                first_m = first.ahead_m * math.sin(pitch) + first.above_m * math.cos(pitch)
+                # Twice the rise: the first step is not in view.
+                self._first_rise_m = first_m if abs(first_m - around.rise_m) < SAME * around.rise_m else 0.0
             around = replace(around, rise_m=self._first_rise_m or around.rise_m)
         self.now = replace(self.now, t_s=t_s, estimate=estimate, stalled_s=stalled_s, around=around)
 

@@ -93,6 +93,12 @@ def detect_ground(
 
     Raises:
         ImageError, SettingsError, RecordError: As ``detect_stair``.
+
+    Examples:
+        >>> import numpy as np
+        >>> import treadline as tl
+        >>> tl.detect_ground(np.full((424, 512), 1.5), "kinect2").profile.free.end_m is None  # a wall: no drop is in view
+        True
     """
     frame, down = _one(depth_m, camera, gravity)
     if down is None:
