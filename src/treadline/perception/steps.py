@@ -25,13 +25,12 @@ from treadline.perception._nuisance import SIZES as WARPS
 from treadline.perception._nuisance import turns_of_surfaces
 from treadline.perception._plane_segmentation import Surface, surfaces_along
 from treadline.perception._step_parts import TOP_SIGMA_M, TREAD_SIGMA_M, Axes, Flight, riser_of, riser_rows, viewing_direction
+from treadline.perception.free_ground import LEVEL_SIZE_M
 
 StepKind = Literal["step", "winder", "landing", "kerb", "drop"]
 """Kind of a step by its tread: that of a straight flight; a wedge between edges of two directions (winder); one to stand on
 (landing); or a single step, up (kerb) or down (drop)."""
 
-LANDING_M = 0.55
-"""Least depth of a landing [m]: treads of gardens are up to 0.52 m deep."""
 TRIALS = np.arange(-90.0, 91.0, 5.0) * DEG
 """Azimuths at which vertical blocks are counted [rad]: within a third of ``RISER_SPREAD`` of any."""
 PASSES = 8
@@ -145,11 +144,8 @@ def steps_without_flight(scene: Scene) -> tuple[SeenStep, ...]:
 
 
 def _named(scene: Scene, edges: list[_Edge], flight: Flight | None) -> tuple[SeenStep, ...]:
-    depths = [_depth(edge, after) for edge, after in zip(edges, [*edges[1:], None], strict=False)]
-    return tuple(
-        _step(scene, edge, depth, _kind(flight, edges, depths, k))
-        for k, (edge, depth) in enumerate(zip(edges, depths, strict=True))
-    )
+    followed = [(edge, after, _depth(edge, after)) for edge, after in zip(edges, [*edges[1:], None], strict=False)]
+    return tuple(_step(scene, edge, depth, _kind(flight, edge, after, depth)) for edge, after, depth in followed)
 
 
 def _straight(scene: Scene, flight: Flight, fit: EdgeFit, axes: Axes) -> list[_Edge]:
@@ -201,7 +197,7 @@ def _chain(
         turn_rad_m2: Standard deviation of the rotation of its steps, by noise, over the square of their distance.
     """
     rows = riser_rows([riser_of(low, scene.frame.camera) for low in lows], scene.blocks, scene.level, scene.frame.camera)
-    levels_m = [float(tread.surface.centre @ up) for tread in scene.treads]
+    steps_m, levels_m = list(steps_m), [float(tread.surface.centre @ up) for tread in scene.treads]
     found: dict[int, tuple[int, _Edge]] = {}
     for k in np.argsort(rows[:, 2]).tolist():
         top_m, top_var, foot_m, foot_var = rows[k, 2:6].tolist()
@@ -274,14 +270,12 @@ def _depth(edge: _Edge, after: _Edge | None) -> tuple[float, float, float] | Non
     return left, middle, right
 
 
-def _kind(flight: Flight | None, edges: list[_Edge], depths: list[tuple[float, float, float] | None], k: int) -> StepKind:
+def _kind(flight: Flight | None, edge: _Edge, after: _Edge | None, depth: tuple[float, float, float] | None) -> StepKind:
     """Return the kind of a step by its tread."""
-    edge, depth = edges[k], depths[k]
     if flight is not None and flight.is_single:
         return "kerb" if flight.direction == "up" else "drop"
-    if max(edge.tread_m, 0.0 if depth is None else depth[1]) > LANDING_M:
+    if max(edge.tread_m, 0.0 if depth is None else depth[1]) > LEVEL_SIZE_M[0]:
         return "landing"
-    after = edges[k + 1] if k + 1 < len(edges) else None
     if after is None or float(edge.ahead @ after.ahead) > math.cos(TURNED):
         return "step"
     return "winder" if float(edge.ahead @ after.ahead) > MEETING else "landing"

@@ -77,7 +77,9 @@ class FrameEvaluator:
         first = list(islice(rest, FRAMES))
         for named in first:
             if named.frame is not None and self._method == "robust":
-                self._test(named, named.frame.camera, self._detector.look(named.frame, named.gravity_C))
+                sight = self._detector.look(named.frame, named.gravity_C)
+                self._loaded |= sight.accepted
+                self._test(named, named.frame.camera, sight)
         self._is_tested = True
         yield from chain(first, rest)
 
