@@ -12,7 +12,7 @@ marginalised over a grid, as is whether the flight winds.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -183,10 +183,12 @@ def fit_edges(
     rows = _rows(rows.normals.only(_of_the_stair(rows)), down_sigma_rad, axes, steps)
     agrees = np.zeros(len(has_direction), dtype=np.bool_)
     agrees[has_direction] = kept
-    return replace(_fitted(rows, axes, angles, kept), agrees=tuple(agrees.tolist()))
+    return _fitted(rows, axes, angles, kept, tuple(agrees.tolist()))
 
 
-def _fitted(rows: _Rows, axes: Axes, angles: Float[np.ndarray, " n"], kept: Bool[np.ndarray, " n"]) -> EdgeFit:
+def _fitted(
+    rows: _Rows, axes: Axes, angles: Float[np.ndarray, " n"], kept: Bool[np.ndarray, " n"], agrees: tuple[bool, ...]
+) -> EdgeFit:
     """Return the edge direction with the sizes of irregularity and warp, and whether the flight winds, marginalised."""
     squares = np.column_stack([SIZES**2, np.ones(len(SIZES))])
     logs, products = normal_equations(rows.noise, rows.shared, squares, np.column_stack([rows.by, rows.value]))
@@ -218,7 +220,7 @@ def _fitted(rows: _Rows, axes: Axes, angles: Float[np.ndarray, " n"], kept: Bool
         turn_sigma_rad=float(np.sqrt(turn_variance[0, 0])),
         warp_px=float(np.sqrt(weights.sum(axis=1) @ squares[:, 2])),
         rotation_rad=float(np.sqrt(weights.sum(axis=1) @ squares[:, 0])),
-        agrees=tuple(kept.tolist()),
+        agrees=agrees,
     )
 
 

@@ -24,6 +24,7 @@ from treadline.core.camera_images import PinholeCamera
 from treadline.core.rotations import Vector3, rotation_z
 from treadline.perception._gravity_direction import BUNDLE, MIDDLES, levelled
 from treadline.perception._lattice import UPRIGHT
+from treadline.perception._lattice_kernels import SIGMAS
 from treadline.perception.detection import StairDetection, refused
 
 FRAMES = 20
@@ -153,7 +154,7 @@ class CalibrationEvidence:
         if len(self.below_m) < HEIGHT_FRAMES:
             return None
         below_m, height_m = float(np.median(self.below_m)), self.camera.mount_m[2]
-        if abs(below_m - height_m) < DECIDED * HEIGHT_SIGMA_M:
+        if abs(below_m - height_m) < SIGMAS * HEIGHT_SIGMA_M:
             return None
         scale = f"multiply the depth scale (depth_unit_m) by {height_m / below_m:.2f}"
         return self._fault("depth scale", f"the floor is {below_m:.2f} m below the camera, mount_m says {height_m:.2f}; {scale}")
