@@ -99,7 +99,7 @@ def test_a_heading_alone_shows_the_gauge() -> None:
 def test_swapped_belts_are_reported() -> None:
     record = drive_log("filtered", 6).record
     warnings = fit(replace(record, input_names=record.input_names[::-1])).report.warnings
-    assert any("are the belts swapped" in warning for warning in warnings)
+    assert any("are left and right exchanged" in warning for warning in warnings)
 
 
 def test_a_log_that_hardly_turns_gives_one_sentence() -> None:

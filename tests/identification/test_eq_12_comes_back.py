@@ -11,7 +11,7 @@ from treadline.core.models import InputOutputRecord, LinearModel
 
 
 def test_records_without_noise_give_eq_12_to_rounding(draw: Draw, eq_12: LinearModel) -> None:
-    found = fit(draw(0))
+    found = fit(draw(0), name_prior=False)  # Eq. (12) turns the same way with both belts
     # 2e-15 was measured; 1e-12 allows for another BLAS.
     assert markov_error(found.model, eq_12) < 1e-12
     assert (found.report.order, found.report.feedthrough, found.report.warnings) == (2, True, [])

@@ -133,7 +133,7 @@ def test_nearly_collinear_inputs_are_reported_with_their_independent_variance(dr
 
 
 def test_a_good_record_gives_no_warning(draw: Draw) -> None:
-    assert fit(draw(5, noise=0.05), order=2, validation=0.3).report.warnings == []
+    assert fit(draw(5, noise=0.05), order=2, validation=0.3, name_prior=False).report.warnings == []
 
 
 @pytest.mark.parametrize(

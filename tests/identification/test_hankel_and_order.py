@@ -107,7 +107,7 @@ def test_records_show_the_order_of_the_system_that_made_them(poles: list[float])
 
 @pytest.mark.parametrize("noise", [0.01, 0.1])
 def test_eq_12_has_rank_two_as_the_paper_says(draw: Draw, noise: float) -> None:
-    report = fit(draw(11, noise=noise), method="okid-era").report
+    report = fit(draw(11, noise=noise), method="okid-era", name_prior=False).report
     assert (report.order, report.warnings) == (2, [])
     # The gap is about signal over noise of 1000 samples: 1/(0.1 · a few tenths) at 10 %.
     assert report.gap > 2.0 / noise

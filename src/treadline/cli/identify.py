@@ -258,7 +258,6 @@ def _answer(found: "Identified", asked: IdentifyOptions, written: dict[str, str]
     report, vehicle = found.report, found.report.skid_steer
     fits = ", ".join(f"{name} {percent_text(value)}" for name, value in report.percent.items())
     ahead = ", ".join(f"{name} {percent_text(value)}" for name, value in report.one_step_vaf_percent.items())
-    held_out = asked.validate is not None or asked.validate_on is not None
     question = clock_warning(found.model.dt_s) if asked.period is None else None
     warnings = [*report.warnings, *([] if question is None else [question])]
     return Answer(
@@ -267,8 +266,7 @@ def _answer(found: "Identified", asked: IdentifyOptions, written: dict[str, str]
             f"order {report.order} with {report.lags} lags ({report.method}: {report.subspace}, {report.step}), "
             f"{_counted(found)}, one sample every {found.model.dt_s:.6g} s",
             *([f"{' and '.join(found.model.input_names)} act by their difference alone"] if report.mirrored else []),
-            f"fit on {'data held out' if held_out else 'the data that were fitted'}: {fits} (100 is perfect, 0 no better than the "
-            f"mean); {report.fit_conditions}",
+            f"fit of {report.judged_on}: {fits} (100 is perfect, 0 no better than the mean); {report.fit_conditions}",
             f"one step ahead: {ahead} of the variance",
             *([] if vehicle is None else [", ".join(f"{name} {value}" for name, value in vehicle.in_words())]),
             f"written: {', '.join(dict.fromkeys(written.values()))}",
@@ -296,7 +294,8 @@ def _write_page(found: "Identified", path: Path, logs: Sequence[Path]) -> None:
             found.model,
             found.report,
             found.fitted,
-            found.judged,
+            found.judge.judged,
+            found.judge.free,
             title=_titled(logs),
             intervals=found.intervals,
             stabilisation=diagram,

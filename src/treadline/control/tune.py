@@ -20,6 +20,7 @@ from treadline.core.arrays import LARGEST
 from treadline.core.errors import ModelError, NotDetectable, NotStabilisable, PeriodMismatch, SettingsError, ShapeMismatch
 from treadline.core.models import EXPLAINED, ControllerDesign, LinearModel, Reconstruct
 from treadline.core.signals import PERIOD_ROUNDING_S, TICK_S, on_the_tick
+from treadline.core.turning import check_turns
 
 OUTPUT_WEIGHT = (1.0, 0.0)
 """Weights of heading [1/rad²] and yaw rate [1/(rad/s)²]."""
@@ -70,7 +71,8 @@ def tune(
         accept_poor_fit: Tune an identified model that explains less than half of each output's variance.
 
     Raises:
-        ModelError: If the model cannot be stabilised or observed, explains too little, or a weight is not definite.
+        ModelError: If the model cannot be stabilised or observed, explains too little, turns the wrong way (``turn_faults``), or a
+            weight is not definite.
         SettingsError: If both weights are given, or the period is not a multiple of the tick.
     """
     if state_weight is not None and output_weight is not None:
@@ -78,6 +80,7 @@ def tune(
     if period_s is not None and not (math.isfinite(period_s) and period_s > 0.0):
         raise SettingsError(f"the control period is {period_s} s; it must be positive")
     _check_period(model, period_s)
+    check_turns(model)
     if not accept_poor_fit:
         _check_fit(model)
     model = model if period_s is None or abs(period_s - model.dt_s) < PERIOD_ROUNDING_S else resampled(model, period_s)

@@ -1,11 +1,12 @@
 """How well a model reproduces a record: free run or forecast, one-step prediction, and tests of the residuals."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.arrays import finite_or_none
+from treadline.core.arrays import finite_or_none, spectral_radius
 from treadline.core.linear_systems import (
     TESTED_LAGS,
     crosscorrelation_p,
@@ -24,7 +25,9 @@ from treadline.core.transfer_function import is_unstable
 TESTED_SAMPLES_MIN = 2 * TESTED_LAGS
 """Smallest number of samples with residual tests: two for each lag."""
 FORECAST_STEPS = 10
-"""Length of the forecast that stands in place of a free run of an unstable model [samples]."""
+"""Shortest forecast that is compared with persistence, and stands in place of a free run of an unstable model [samples]."""
+GROWTH = 3.0
+"""Growth of an unstable mode over a longer forecast, as a power of e: twentyfold."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -41,7 +44,12 @@ class Comparison(Printable, Plottable):
     """Time at the start of the record that determines the initial state and is not scored [s]."""
     forecast_percent: dict[str, float] | None
     """The same measure for forecasts; None for a stable model."""
+    persistence_percent: dict[str, float] | None
+    """The same measure for outputs that stay as they are over the horizon; None for a stable model."""
     forecast_horizon_s: float | None
+    skill_percent: dict[str, float]
+    """Share of the variance that forecasts explain, ten samples ahead or over the horizon, of what neither the mean nor persistence
+    does [%]."""
     one_step_vaf_percent: dict[str, float]
     """Variance accounted for one step ahead [%]."""
     whiteness_p: float | None
@@ -69,8 +77,10 @@ class Comparison(Printable, Plottable):
     @property
     def conditions(self) -> str:
         """Kind of run, start and horizon in words."""
-        if self.forecast_horizon_s is not None:
-            return f"forecast {self.forecast_horizon_s:.4g} s ahead (unstable model), {self.samples} samples"
+        if self.persistence_percent is not None:
+            known = ", ".join(f"{name} {percent_text(value)}" for name, value in self.persistence_percent.items())
+            ahead = f"forecast {self.forecast_horizon_s:.4g} s ahead (unstable model), {self.samples} samples"
+            return f"{ahead}; outputs that stay as they are fit {known}"
         return f"free run from the state of the first {self.fit_prefix_s:.4g} s, scored on the {self.samples} samples after them"
 
     def printed(self) -> tuple[str, list[tuple[str, str]]]:
@@ -87,15 +97,16 @@ class Comparison(Printable, Plottable):
 def compare(model: StateSpaceModel, record: InputOutputRecord) -> Comparison:
     """Return the comparison of a model with a record."""
     names = channel_names(model)[1]
-    unstable = is_unstable(model)
+    unstable, steps = is_unstable(model), forecast_steps(model, len(record))
     run, scored = fair_run(model, record)
+    before = np.vstack([np.full((steps, record.y.shape[1]), np.nan), record.y[: len(record) - steps]])[: len(record)]
     with np.errstate(over="ignore", invalid="ignore"):
-        ahead = predictions(model, record)
+        ahead, later = predictions(model, record), predictions(model, record, steps)
         residuals = np.where(scored[:, None], record.y - ahead, np.nan)
-        if unstable:
-            run = predictions(model, record, FORECAST_STEPS)
+        skill = _skill(record.y[scored], later[scored], before[scored])
+    run = later if unstable else run
     first = prefix(len(record), model.order, len(model.C))
-    percent = dict(zip(names, percent_of(record.y[scored], run[scored]).tolist(), strict=True))
+    percent, stays = (dict(zip(names, percent_of(record.y[scored], item[scored]).tolist(), strict=True)) for item in (run, before))
     known = np.isfinite(residuals)
     tested = int(known.all(axis=1).sum()) >= TESTED_SAMPLES_MIN
     vaf = vaf_percent(record.y[scored], residuals[scored])
@@ -103,7 +114,9 @@ def compare(model: StateSpaceModel, record: InputOutputRecord) -> Comparison:
         fit_percent=None if unstable else percent,
         fit_prefix_s=first * model.dt_s,
         forecast_percent=percent if unstable else None,
-        forecast_horizon_s=FORECAST_STEPS * model.dt_s if unstable else None,
+        persistence_percent=stays if unstable else None,
+        forecast_horizon_s=steps * model.dt_s if unstable else None,
+        skill_percent=dict(zip(names, skill.tolist(), strict=True)),
         one_step_vaf_percent=dict(zip(names, vaf.tolist(), strict=True)),
         whiteness_p=finite_or_none(whiteness_p(residuals)) if tested else None,
         crosscorrelation_p=finite_or_none(crosscorrelation_p(residuals, without_dead_time(model, record)[1].u)) if tested else None,
@@ -113,3 +126,19 @@ def compare(model: StateSpaceModel, record: InputOutputRecord) -> Comparison:
         modelled=run,
         ahead=ahead,
     )
+
+
+def forecast_steps(model: StateSpaceModel, samples: int) -> int:
+    """Return the length of a forecast: ten samples; in an unstable mode's time to grow twentyfold, up to a tenth of all."""
+    growth = math.log(max(spectral_radius(model.A), 1.0 + 1e-12))
+    return max(FORECAST_STEPS, min(round(GROWTH / growth), samples // 10)) if is_unstable(model) else FORECAST_STEPS
+
+
+def _skill(
+    y: Float[np.ndarray, "T p"], forecast: Float[np.ndarray, "T p"], before: Float[np.ndarray, "T p"]
+) -> Float[np.ndarray, " p"]:
+    """Return the share of the squared error of the better of mean and persistence that a forecast explains [%]."""
+    mean = np.nanmean(np.where(np.isfinite(y), y, np.nan), axis=0) if len(y) else np.zeros(y.shape[1])
+    known = np.isfinite(y) & np.isfinite(forecast) & np.isfinite(before)
+    error, about, moved = (np.sum((y - item) ** 2, axis=0, where=known) for item in (forecast, mean, before))
+    return np.asarray(100.0 * (1.0 - error / np.maximum(np.minimum(about, moved), 1e-300)))

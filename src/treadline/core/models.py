@@ -5,7 +5,7 @@ Identification reads an ``InputOutputRecord`` and returns a ``LinearModel``; tun
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
@@ -135,6 +135,7 @@ class LinearModel(StateSpaceModel, Printable, Plottable):
                    [1.5]])
         """
         from treadline.core.linear_systems import simulate
+        from treadline.core.transfer_function import warn_of_growth
 
         inputs = np.asarray(samples_of("u", u)[0], dtype=float)
         inputs = inputs[:, None] if inputs.ndim == 1 else inputs
@@ -145,6 +146,7 @@ class LinearModel(StateSpaceModel, Printable, Plottable):
         start = np.zeros(self.order) if x0 is None else np.asarray(x0, dtype=float)
         if start.shape != (self.order,):
             raise ModelError(f"x0 is of shape {start.shape}; wanted {self.order} states")
+        warn_of_growth(self, len(inputs))
         return simulate(self, inputs, start)
 
     def predict(
@@ -183,7 +185,8 @@ class LinearModel(StateSpaceModel, Printable, Plottable):
         """Return how well the model reproduces measured data: fit, tests of the residuals, ``plot()``.
 
         A free run starts from the state that the first tenth of the data determines, and is scored after it. For an unstable
-        model a forecast of ten samples stands in its place. Both are stated in the result.
+        model a forecast stands in its place, over as many samples as the model takes to grow twentyfold, ten at least, beside the
+        fit of outputs that stay as they are. Both are stated in the result.
 
         Args:
             u: Inputs, or a record.
@@ -303,7 +306,7 @@ class LinearModel(StateSpaceModel, Printable, Plottable):
             >>> lag = tl.LinearModel(A=0.5 * one, B=one, C=one, D=0 * one, dt_s=0.1, input_offset=none, output_offset=none)
             >>> lag.save("lag.json")
         """
-        write_json(Path(path), asdict(self))
+        write_json(Path(path), asdict(replace(self, provenance=dict(self.provenance))))
 
     def printed(self) -> tuple[str, list[tuple[str, str]]]:
         """Return order, period, channels and poles."""
@@ -362,7 +365,8 @@ class ControllerDesign(Printable):
 
     def save(self, path: Path | str) -> None:
         """Write the controller as JSON."""
-        write_json(Path(path), asdict(self))
+        model = replace(self.model, provenance=dict(self.model.provenance))
+        write_json(Path(path), asdict(replace(self, model=model)))
 
     @classmethod
     def load(cls, path: Path) -> "ControllerDesign":
@@ -381,12 +385,18 @@ class ControllerDesign(Printable):
         Raises:
             SettingsError: As ``load``, for tables that are no controller.
         """
+        from treadline.core.turning import check_turns
+
         if {"A", "B", "C", "D"} <= set(tables):
             raise SettingsError(f"{path}: a model, not a controller: treadline tune {path.name} makes one")
         if not isinstance(tables.get("model"), dict):
             raise SettingsError(f"{path}: not a controller: no 'model'; make one with treadline tune")
         model = _from_json(LinearModel, tables["model"], f"{path}: model")
         design: ControllerDesign = _from_json(cls, tables | {"model": model}, str(path))
+        try:
+            check_turns(model)
+        except ModelError as error:
+            raise SettingsError(f"{path}: {error}") from None
         if not on_the_tick(design.period_s):
             raise SettingsError(
                 f"{path}: period_s is {design.period_s}, no multiple of {TICK_S} s; tune it again with a --period that is one"

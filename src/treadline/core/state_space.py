@@ -4,7 +4,7 @@ Recorded data come as callers hold them: arrays of either orientation, data fram
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from numbers import Real
 from typing import Any
@@ -16,7 +16,7 @@ from treadline.core.arrays import matrix, real, shaped
 from treadline.core.errors import ModelError, NotFinite, RecordError, ShapeMismatch
 from treadline.core.printing import Brief
 
-Provenance = dict[str, Any]
+Provenance = Mapping[str, Any]
 """Origin of a model: command, versions, seeds, fit. JSON values only."""
 Samples = tuple[Any, tuple[str, ...]]
 """Values, one row per sample, and names of the columns; no names for an array."""

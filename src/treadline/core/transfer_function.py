@@ -4,6 +4,7 @@ Models may be unstable: an overflow or a point on a pole gives infinity, never a
 """
 
 import math
+import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -138,6 +139,17 @@ def frequency_response(model: StateSpaceModel, omega_rad: Float[np.ndarray, " w"
     shifted = np.exp(1j * omega_rad)[:, None, None] * (1.0 + 1e-12) * np.eye(model.order) - model.A
     moved = np.linalg.solve(shifted, np.broadcast_to(model.B, (len(omega_rad), *model.B.shape)))
     return np.asarray((model.C @ moved + model.D) * late)
+
+
+def warn_of_growth(model: StateSpaceModel, samples: int) -> None:
+    """Warn of a free run that an unstable model makes meaningless."""
+    radius = spectral_radius(model.A)
+    if is_unstable(model) and samples * math.log(radius) > math.log(GROWTH_MOST):
+        warnings.warn(
+            f"the model is unstable (spectral radius {radius:.4g}): over {samples} samples any error grows more than "
+            f"{GROWTH_MOST:.0f}-fold; predict, or simulate its stable companion (identify with stable)",
+            stacklevel=3,
+        )
 
 
 def response_steps(model: StateSpaceModel) -> int:

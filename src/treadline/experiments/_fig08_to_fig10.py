@@ -234,7 +234,7 @@ def evaluate(fitted: ExciteJob, record: InputOutputRecord, fresh: InputOutputRec
     """Return the model of one ground, which names it, and Fig. 8's figures for it."""
     found = identify(record, IdentificationOptions(method="okid-era", validation=fresh))
     origin = {"slope_deg": fitted.ground.slope_deg, "friction": list(fitted.ground.friction), "seed": fitted.seed}
-    model, report = replace(found.model, provenance=found.model.provenance | {"identified_on": origin}), found.report
+    model, report = replace(found.model, provenance={**found.model.provenance, "identified_on": origin}), found.report
     values = np.asarray(report.singular_values, dtype=float)
     steps = round(IMPULSE_S / model.dt_s)
     response = impulse_response(model, steps)

@@ -127,8 +127,8 @@ def of_model(model: LinearModel, units: Units) -> Affine:
 
 ON_CIRCLE = 1e-9
 """Distance of a pole's modulus from 1 that counts as rounding."""
-INSIDE = 1.0 - 1e-4
-"""Largest modulus of a pole after reflection into the unit circle."""
+INSIDE = 1.0 - 1e-6
+"""Largest modulus of a pole after reflection into the unit circle: an integrator that is estimated just outside stays one."""
 DECAYED = 3.0
 """Decay over the record, as a power of e, below which a slow mode looks like drift: to a twentieth."""
 

@@ -1,4 +1,4 @@
-"""Channels of a skid-steer vehicle by their names, and the difference of its belt speeds as only input.
+"""The difference of a skid-steer vehicle's belt speeds as only input, identified by names.
 
 A vehicle with left-right symmetry turns only with the difference of its belt speeds: mirrored, left and right swap and a
 turn changes sign. A one-sided load, a cross slope or a worn belt breaks the symmetry, so the data decide. With the symmetry
@@ -12,52 +12,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.angles import DEG
 from treadline.core.models import InputOutputRecord, LinearModel
+from treadline.core.turning import belt_signs, radians, turn_channels
 from treadline.identification._gram import Gram, Units, gram_of, units_of
 from treadline.identification._limits import ROUNDING
 from treadline.identification._model_order import min_bic
 from treadline.identification._pole_intervals import ConfidenceIntervals
 
-LEFT, RIGHT = "left", "right"
 DIFFERENCE = "right_less_left"
 """Name of the difference of two belt speeds."""
-HEADING_PREFIXES = ("yaw", "heading")
-"""Prefixes of the names of a heading or its rate."""
-RATE_WORDS = ("_rate", "rad_s", "deg_s")
-"""Parts of such a name that make it a rate."""
-RATE_SUFFIXES_ROS = ("angular_velocity.z", "angular.z")
-"""Suffixes of yaw rates in ROS messages."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TurnChannels:
-    """Outputs that describe a turn, identified by their names."""
-
-    heading: int | None
-    yaw_rate: int | None
-    count: int
-    """Number of turn outputs."""
-
-
-def turn_channels(output_names: Sequence[str]) -> TurnChannels:
-    """Return the first heading and the first yaw rate among the outputs."""
-    roles = [_role(name.lower().rsplit("/", 1)[-1]) for name in output_names]
-    first = {role: roles.index(role) if role in roles else None for role in ("heading", "rate")}
-    return TurnChannels(heading=first["heading"], yaw_rate=first["rate"], count=sum(role is not None for role in roles))
-
-
-def _role(name: str) -> str | None:
-    if name.endswith(RATE_SUFFIXES_ROS):
-        return "rate"
-    if not name.startswith(HEADING_PREFIXES):
-        return None
-    return "rate" if any(word in name for word in RATE_WORDS) else "heading"
-
-
-def radians(name: str) -> float:
-    """Return the factor from a channel's unit to radians, by its name."""
-    return DEG if "_deg" in name.lower() else 1.0
 
 
 def turn_rate(y: Float[np.ndarray, "T p"], output_names: Sequence[str], dt_s: float) -> Float[np.ndarray, " T1"]:
@@ -155,10 +118,5 @@ def named_differential(record: InputOutputRecord) -> DifferentialInput | None:
 
 def named_belts(inputs: Sequence[str]) -> DifferentialInput | None:
     """Return the belts of a skid-steer vehicle: the only inputs, a left and a right one with otherwise the same name."""
-    if len(inputs) != 2:
-        return None
-    one, other = (name.lower() for name in inputs)
-    is_left = [LEFT in one and one.replace(LEFT, RIGHT) == other, LEFT in other and other.replace(LEFT, RIGHT) == one]
-    if sum(is_left) != 1:
-        return None
-    return DifferentialInput(names=(inputs[0], inputs[1]), signs=np.where(is_left, -1.0, 1.0)[None])
+    signs = belt_signs(inputs)
+    return None if signs is None else DifferentialInput(names=(inputs[0], inputs[1]), signs=signs[None])

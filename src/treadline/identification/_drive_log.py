@@ -15,7 +15,8 @@ from scipy.special import chdtrc
 from treadline.core.errors import PoorExcitation
 from treadline.core.linear_systems import TESTED_LAGS
 from treadline.core.models import InputOutputRecord
-from treadline.identification._belts import DIFFERENCE, DifferentialInput, named_belts, named_differential, radians, turn_channels
+from treadline.core.turning import radians, turn_channels
+from treadline.identification._belts import DIFFERENCE, DifferentialInput, named_belts, named_differential
 from treadline.identification._checks import channel_names
 from treadline.identification._limits import HALF, PREDICTABLE, ROUNDING, ROWS_PER_PARAMETER, SIGNIFICANCE, TOLERANCE
 

@@ -1,12 +1,14 @@
 """Result of an identification: the model, its report and confidence intervals computed on first access.
 
-The report has fit, residual tests and warnings with numbers.
+The report has fit, residual tests and warnings with numbers. Its figures are of data that were not fitted: those given for
+validation, else the last third of each record, judged by a model of the first two thirds; the result itself is fitted to all.
 """
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
+from functools import cache as cached
 from functools import cached_property
 from typing import Any
 
@@ -15,12 +17,14 @@ from numpy.typing import ArrayLike
 
 from treadline.core import linear_systems
 from treadline.core.arrays import finite_or_none, spectral_radius
+from treadline.core.errors import RecordError
 from treadline.core.model_scores import TESTED_SAMPLES_MIN, Comparison, compare
 from treadline.core.models import EXPLAINED, InputOutputRecord, LinearModel
 from treadline.core.printing import Printable, p_text, percent_text, plain
 from treadline.core.transfer_function import is_unstable
+from treadline.core.turning import NAME_PRIOR, YAW_GAIN, turn_channels, turn_faults
 from treadline.identification._affine import of_model
-from treadline.identification._belts import DifferentialInput, turn_channels
+from treadline.identification._belts import DifferentialInput
 from treadline.identification._checks import FEW_SAMPLES, excitation_order, insufficient_excitation
 from treadline.identification._dead_time import without_delays
 from treadline.identification._drive_log import DriveLog, LogFindings, examine
@@ -37,7 +41,6 @@ from treadline.identification._turn_model import (
     contradiction,
     fits_as_well,
     input_noise_warning,
-    sign_warning,
     turn_model,
 )
 
@@ -48,6 +51,8 @@ LOW_MOTION_RATIO = 0.5
 
 FIT_PERCENT_MIN = 10.0
 """Fit and variance accounted for [%] below which the model explains practically nothing."""
+HELD_OUT = 1.0 / 3.0
+"""Share of each record, at its end, that judges where no data are given for validation."""
 COLLINEAR_VARIANCE = 0.15
 """Variance of the weakest input combination relative to one input's, below which inputs count as collinear (0.85 correlated)."""
 
@@ -82,7 +87,14 @@ class IdentificationReport:
     """Time at the start of the longest validation record that determines the initial state and is not scored [s]."""
     forecast_percent: dict[str, float] | None
     """Fit of a forecast by output [%]; None for a stable model."""
+    persistence_percent: dict[str, float] | None
+    """The same measure for outputs that stay as they are over the horizon; None for a stable model."""
     forecast_horizon_s: float | None
+    companion_percent: dict[str, float] | None
+    """Fit of a free run of the stable companion of an unstable model by output [%]; None for a stable model."""
+    judged_on: str
+    """Data that the figures are of, in words."""
+    judged_samples: int
     fit_conditions: str
     """What the fit is of, in words: a free run and its start, or, of an unstable model, a forecast and its horizon."""
     one_step_vaf_percent: dict[str, float]
@@ -118,15 +130,15 @@ def compared(model: LinearModel, judged: Sequence[InputOutputRecord]) -> list[Co
 
 def validation_scores(found: Sequence[Comparison]) -> dict[str, Any]:
     """Return fit and residual tests as fields of the report: means, and smallest p-values with Bonferroni correction."""
-    vaf, percent = _means(found)
+    vaf = mean_by_output([one.one_step_vaf_percent for one in found])
     # A residual of pure rounding has no meaningful p-value; the tests count as passed.
     exact = all(100.0 - value < 100.0 * ROUNDING for value in vaf.values())
     white, crossed = [one.whiteness_p for one in found], [one.crosscorrelation_p for one in found]
     longest = max(found, key=lambda one: one.samples)
+    percents = {name: [getattr(one, name) for one in found] for name in ("fit_percent", "forecast_percent", "persistence_percent")}
     return {
-        "fit_percent": None if longest.fit_percent is None else percent,
+        **{name: None if getattr(longest, name) is None else mean_by_output(given) for name, given in percents.items()},
         "fit_prefix_s": longest.fit_prefix_s,
-        "forecast_percent": None if longest.forecast_percent is None else percent,
         "forecast_horizon_s": longest.forecast_horizon_s,
         "fit_conditions": longest.conditions + (f", mean of {len(found)} records" if len(found) > 1 else ""),
         "one_step_vaf_percent": vaf,
@@ -135,22 +147,21 @@ def validation_scores(found: Sequence[Comparison]) -> dict[str, Any]:
     }
 
 
-def _means(found: Sequence[Comparison]) -> tuple[dict[str, float], dict[str, float]]:
-    """Return the mean variance accounted for one step ahead and the mean fit; -1e9, a JSON value, for a diverging one."""
-    names = list(found[0].percent)
-    both = np.array([[[one.one_step_vaf_percent[name] for name in names], [one.percent[name] for name in names]] for one in found])
-    mean = both.mean(axis=0)
-    vaf, percent = np.where(mean > -1e9, mean, -1e9).tolist()  # also for NaN
-    return dict(zip(names, vaf, strict=True)), dict(zip(names, percent, strict=True))
+def mean_by_output(percents: Sequence[dict[str, float] | None]) -> dict[str, float]:
+    """Return the mean percentage of each output; -1e9, a JSON value, for a diverging one."""
+    known = [one for one in percents if one is not None]
+    mean = np.array([list(one.values()) for one in known]).mean(axis=0)
+    return dict(zip(known[0], np.where(mean > -1e9, mean, -1e9).tolist(), strict=True))  # also for NaN
 
 
 def explained_percent(found: Sequence[Comparison]) -> dict[str, float]:
-    """Return the share of each output's variance that the printed fit or the one-step prediction explains, the larger of both [%].
+    """Return the share of each output's variance that a free run explains, or a forecast more than persistence, the larger [%].
 
-    The free run of a heading drifts with the smallest disturbance: of the paper's ten excitations it explains 0 to 16 %.
+    The free run of a heading drifts with the smallest disturbance: of the paper's ten excitations it explains 0 to 16 %. One step
+    ahead any integral is explained, by what it was; over the horizon the inputs have to move it.
     """
-    ahead, fit = _means(found)
-    return {name: round(max(ahead[name], 100.0 * (1.0 - (1.0 - 0.01 * fit[name]) ** 2)), 1) for name in fit}
+    run, ahead = (mean_by_output([getattr(one, name) for one in found]) for name in ("percent", "skill_percent"))
+    return {name: round(max(ahead[name], 100.0 * (1.0 - (1.0 - 0.01 * run[name]) ** 2)), 1) for name in run}
 
 
 def whole_samples(record: InputOutputRecord) -> int:
@@ -167,10 +178,33 @@ def _low_motion_warnings(model: LinearModel, fitted: Sequence[InputOutputRecord]
     ]
 
 
+def _percents(percent: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} {percent_text(value)}" for name, value in percent.items())
+
+
 def bonferroni(p_values: Sequence[float | None]) -> float | None:
     """Return the combined p-value of several tests (Bonferroni); None if one has no p-value."""
     known = [value for value in p_values if value is not None]
     return min(1.0, len(known) * min(known)) if known and len(known) == len(p_values) else None
+
+
+class JudgedProvenance(Mapping[str, Any]):
+    """Provenance of a model with figures that are computed when they are first read or written."""
+
+    def __init__(self, known: Mapping[str, Any], judge: Callable[[], dict[str, Any]]) -> None:
+        self._known, self._judge = known, cached(judge)
+
+    def _all(self) -> dict[str, Any]:
+        return {**self._known, **self._judge()}
+
+    def __getitem__(self, key: str) -> Any:
+        return self._known[key] if key in self._known else self._judge()[key]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._all())
+
+    def __len__(self) -> int:
+        return len(self._all())
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
@@ -203,6 +237,8 @@ class Identified(Printable):
     name_prior: bool = True
     differential: DifferentialInput | None = None
     """Belts of which the difference alone was fitted."""
+    again: Callable[..., "Identified"] | None = None
+    """Identification of the same records with other options, given by name; None if the records are not kept."""
 
     @property
     def svd(self) -> HankelSvd:
@@ -218,13 +254,38 @@ class Identified(Printable):
         return linear_systems.most_recent(self.fitted, RECENT)
 
     @cached_property
+    def judge(self) -> "Identified":
+        """The identification whose figures are reported: that of the first two thirds where no validation data were given.
+
+        The result itself where data were given, or are too few to hold a third back.
+        """
+        if self.again is None or self.judged is not self.fitted:
+            return self
+        try:
+            return self.again(validation=HELD_OUT)
+        except RecordError:
+            return self
+
+    @cached_property
+    def companion(self) -> LinearModel | None:
+        """The same model with its unstable poles reflected, and inputs fitted to the free run; None for a stable model."""
+        if self.again is None or not is_unstable(self.free):
+            return None
+        return self.again(stable=True).free
+
+    @cached_property
     def _compared(self) -> list[Comparison]:
-        return compared(self.free, self.judged)
+        return compared(self.judge.free, self.judge.judged)
 
     @cached_property
     def model(self) -> LinearModel:
-        """The model; its provenance holds the share of each output's variance that it explains, which ``tune`` reads."""
-        return replace(self.free, provenance=self.free.provenance | {EXPLAINED: explained_percent(self._compared)})
+        """The model; ``tune`` reads from its provenance the share of each output's variance that it explains."""
+        return replace(self.free, provenance=JudgedProvenance(self.free.provenance, self._figures))
+
+    def _figures(self) -> dict[str, Any]:
+        fit = self._turn_fit
+        gain = None if fit is None or fit.belts is None else fit.yaw_gain(fit.steps[0])
+        return {EXPLAINED: explained_percent(self._compared)} | ({} if gain is None else {YAW_GAIN: [gain.low, gain.high]})
 
     @cached_property
     @one_thread()
@@ -254,8 +315,8 @@ class Identified(Printable):
         return getattr(self.model, name)
 
     def compare(self, u: ArrayLike | InputOutputRecord | None = None, y: ArrayLike | None = None) -> Comparison:
-        """Return how well the model reproduces measured data, or, without any, the data that it was judged on."""
-        return self.model.compare(max(self.judged, key=len) if u is None else u, y)
+        """Return how well the model reproduces measured data, or, without any, what the report's figures are of."""
+        return max(self._compared, key=lambda one: one.samples) if u is None else self.model.compare(u, y)
 
     def printed(self) -> tuple[str, list[tuple[str, str]]]:
         """Return order, fit, one-step prediction, poles and warnings."""
@@ -267,7 +328,8 @@ class Identified(Printable):
             )
             for name, value in report.percent.items()
         ]
-        rows.append(("fit", report.fit_conditions))
+        rows.append(("fit", f"of {report.judged_on}: {report.fit_conditions}"))
+        rows += [] if report.companion_percent is None else [("stable companion", _percents(report.companion_percent))]
         rows.append(("poles", ", ".join(f"{complex(*pole):.4g}" for pole in report.poles)))
         rows += [] if report.skid_steer is None else report.skid_steer.in_words()
         rows += [("warning", warning) for warning in report.warnings]
@@ -324,6 +386,9 @@ class Identified(Printable):
             poles=[(float(pole.real), float(pole.imag)) for pole in poles],
             pole_ci95=None if radii is None else [float(radius) for radius in radii],
             **validation_scores(self._compared),
+            companion_percent=self._companion_percent(),
+            judged_on=self._judged_on(),
+            judged_samples=sum(len(record) for record in self.judge.judged),
             excitation_order=support,
             samples=round(found.fitting.data.count),
             dropped=found.fitting.data.dropped,
@@ -334,15 +399,26 @@ class Identified(Printable):
         )
         return replace(report, warnings=self._hardly_turns() or [*warnings, *self._validation_warnings(report)])
 
+    def _companion_percent(self) -> dict[str, float] | None:
+        """Return the fit of a free run of the companion of the model that is judged; None for a stable one."""
+        companion = self.judge.companion
+        if companion is None:
+            return None
+        return mean_by_output([one.percent for one in compared(companion, self.judge.judged)])
+
+    def _judged_on(self) -> str:
+        if self.judge is not self:
+            return "the last third, by a model of the first two"
+        return "the fitted data" if self.judged is self.fitted else "the validation data"
+
     def _validation_warnings(self, report: IdentificationReport) -> list[str]:
         """Return the warnings on stability, fit and residuals."""
         found = []
         radius = spectral_radius(self.model.A)
         if is_unstable(self.model):
-            found.append(
-                f"the model is unstable (spectral radius {radius:.4f}): closed-loop or drifting data? give --stable if the plant "
-                "is known to be stable"
-            )
+            given = report.companion_percent
+            run = "" if given is None else f"; a free run of its stable companion (--stable) fits {_percents(given)}"
+            found.append(f"the model is unstable (spectral radius {radius:.4f}): closed-loop or drifting data?{run}")
         for name, value in report.percent.items():
             if value < 0.0 and radius < 1.0 - 1e-3:
                 found.append(f"a free run explains '{name}' worse than its mean does ({value:.0f} %)")
@@ -389,7 +465,7 @@ class Identified(Printable):
         model = replace(
             structured,
             observer_gain=None if system.K is None else system.K / units.output_scale,
-            provenance={"method": self.method, "order": structured.order, "step": "structure"},
+            provenance={"method": self.method, "order": structured.order, "step": "structure", NAME_PRIOR: True},
         )
         found = replace(self.found, subspace="by names", order=structured.order, step="structure", system=system, fitting=fitting)
         result = replace(self, free=model, found=found, differential=None)
@@ -410,16 +486,16 @@ class Identified(Printable):
         """Return how the model's yaw gain agrees with the skid-steer fit."""
         fit, off = self._turn_fit, self._contradiction
         if fit is None:
-            return []
+            return turn_faults(self.model) if self.name_prior else []
         if off is None or not (self._is_structure or off.is_large):
-            return [*sign_warning(fit), *input_noise_warning(fit)]
+            return [*turn_faults(self.model), *input_noise_warning(fit)]
         if not self._is_structure:
             line = f"yaw gain: {off}: feedback, noise of the inputs or too high an order; tune no model before they agree"
         else:
             why = "whose steady gain is a guess" if off.is_large else "which explains no more"
             why = "which feedback may have made the controller's inverse" if self.findings.has_feedback else why
             line = f"the model is a gain and a lag, by the columns' names: {off}; --no-name-prior keeps the free model, {why}"
-        return [*sign_warning(fit), *input_noise_warning(fit), line]
+        return [*turn_faults(self.model), *input_noise_warning(fit), line]
 
     def _collinearity(self) -> list[str]:
         """Return which inputs are nearly collinear, so that their separate effects are poorly determined."""

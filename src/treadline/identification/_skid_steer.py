@@ -21,7 +21,8 @@ from scipy.special import ndtri
 from treadline.core.arrays import CONFIDENCE
 from treadline.core.linear_systems import most_recent
 from treadline.core.models import InputOutputRecord
-from treadline.identification._belts import DifferentialInput, named_belts, turn_channels, turn_rate
+from treadline.core.turning import turn_channels
+from treadline.identification._belts import DifferentialInput, named_belts, turn_rate
 from treadline.identification._dead_time import dead_time
 from treadline.identification._descent import Linearised, descended
 from treadline.identification._gram import runs_of

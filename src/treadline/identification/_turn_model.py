@@ -14,7 +14,8 @@ from jaxtyping import Float
 
 from treadline.core.linear_systems import fit_percent, simulate
 from treadline.core.models import InputOutputRecord, LinearModel
-from treadline.identification._belts import radians, turn_channels, turn_rate
+from treadline.core.turning import radians, turn_channels
+from treadline.identification._belts import turn_rate
 from treadline.identification._limits import HALF, TOLERANCE
 from treadline.identification._skid_steer import Estimate, TurnFit
 
@@ -154,13 +155,3 @@ def input_noise_warning(fit: TurnFit) -> list[str]:
         f"noise of the measured inputs, or feedback: the fit of lags gives a yaw gain of {fit.lagged_gain:.3g}, the regression "
         f"{gain:.3g}, taken because both causes lower it; log commands, add dither"
     ]
-
-
-def sign_warning(fit: TurnFit) -> list[str]:
-    """Return a warning if a faster right belt turns the vehicle to the right."""
-    gain = fit.yaw_gain(fit.steps[0])
-    # Twice the interval: a probability of 1e-4.
-    if fit.belts is None or 2.0 * gain.high - gain.value >= 0.0:
-        return []
-    left = fit.belts.names[int(np.argmin(fit.belts.signs))]
-    return [f"yaw gain below zero: a faster '{left}' turns to the left; are the belts swapped, or angles counted clockwise?"]

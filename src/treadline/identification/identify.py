@@ -11,6 +11,7 @@ from treadline.core import linear_systems
 from treadline.core.errors import DependentInputs, PoorExcitation, SettingsError
 from treadline.core.model_scores import TESTED_SAMPLES_MIN
 from treadline.core.models import InputOutputRecord
+from treadline.core.turning import NAME_PRIOR
 from treadline.identification._affine import Affine, stabilised
 from treadline.identification._belts import find_differential_input
 from treadline.identification._checks import channel_names, check_alike, check_independent, units_of_moving
@@ -89,7 +90,7 @@ def _identified(log: DriveLog, options: IdentificationOptions, on_progress: Call
     if differential is not None:
         model = differential.model(model, units_of(moved).shift[:2])
     result = Identified(
-        free=replace(model, input_delay=tuple(shifts)),
+        free=replace(model, input_delay=tuple(shifts), provenance={**model.provenance, NAME_PRIOR: options.name_prior}),
         found=found,
         method=method,
         fitted=fitted,
@@ -99,6 +100,7 @@ def _identified(log: DriveLog, options: IdentificationOptions, on_progress: Call
         differential=differential,
         log=log,
         name_prior=options.name_prior,
+        again=None if options.prior is not None else lambda **changes: identify(log.records, replace(options, **changes)),
     )
     by_data = options.order is None and options.delays is None and not options.stable
     return result.with_structure() if method == "best" and by_data else result

@@ -39,7 +39,7 @@ def write_model(model: LinearModel, path: Path) -> None:
         "input_delay": np.array(model.input_delay, dtype=float),
         "input_names": np.array(model.input_names, dtype=object),
         "output_names": np.array(model.output_names, dtype=object),
-        "provenance": json.dumps(model.provenance),
+        "provenance": json.dumps(dict(model.provenance)),
     }
     if model.observer_gain is not None:
         variables["K"] = model.observer_gain

@@ -46,6 +46,7 @@ def write_identification_page(
     report: IdentificationReport,
     records: Sequence[InputOutputRecord],
     judged: Sequence[InputOutputRecord],
+    judge: LinearModel,
     *,
     title: str,
     intervals: Any | None = None,
@@ -56,14 +57,15 @@ def write_identification_page(
     Args:
         report: The report of the identification.
         records: The records that were fitted.
-        judged: The records on which the model was judged; the longest is drawn.
+        judged: The records that the figures of fit are of; the longest is drawn.
+        judge: The model that is judged: fitted to other data than these where there are enough.
         intervals: Confidence intervals of the identification, as ``Identified.intervals``.
         stabilisation: The poles of every order, for the stabilisation diagram.
 
     Raises:
         TreadlineError: If the file cannot be written.
     """
-    write_whole(path, _Page(model, report, records, judged, intervals, stabilisation).html(title))
+    write_whole(path, _Page(model, report, records, judged, judge, intervals, stabilisation).html(title))
 
 
 @dataclass(eq=False)
@@ -74,6 +76,7 @@ class _Page:
     said: IdentificationReport
     records: Sequence[InputOutputRecord]
     judged: Sequence[InputOutputRecord]
+    judge: LinearModel
     intervals: Any | None
     stabilisation: StabilisationDiagram | None
     notes: list[str] = field(default_factory=list)
@@ -117,12 +120,6 @@ class _Page:
         )
 
     def _head(self) -> None:
-        same = len(self.records) == len(self.judged) and all(
-            a is b or (a.y.shape == b.y.shape and np.array_equal(a.y, b.y, equal_nan=True))
-            for a, b in zip(self.records, self.judged, strict=True)
-        )
-        self.values["judged_on"] = "the data that were fitted" if same else "data that were not fitted"
-        self.values["judged_samples"] = sum(len(record) for record in self.judged)
         self.values["given_samples"] = sum(len(record) for record in self.records)
         self.values["given_records"] = len(self.records)
         tried = self.said.candidates
@@ -178,7 +175,7 @@ class _Page:
         record = part(whole, 0, SAMPLES_MOST)
         if len(whole) > SAMPLES_MOST:
             self.notes.append(f"figures of fit and residuals show the first {SAMPLES_MOST} of {len(whole)} samples")
-        comparison = compare(self.model, record)
+        comparison = compare(self.judge, record)
         free, ahead, p = comparison.modelled, comparison.ahead, len(self.drawn_out)
         shown, left = runs.cut(free[:, :p], record.y[:, :p])
         ahead_shown, left_ahead = runs.cut(ahead[:, :p], record.y[:, :p])

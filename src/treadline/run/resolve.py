@@ -12,6 +12,7 @@ from typing import Any, Literal
 from treadline.core.errors import SettingsError
 from treadline.core.models import ControllerDesign, LinearModel
 from treadline.core.ports import Plant
+from treadline.core.turning import check_turns
 from treadline.mission.belt_controllers import Driver
 from treadline.mission.loop import Blocks
 from treadline.mission.mission_blocks import build_blocks
@@ -272,6 +273,7 @@ def resolved_blocks(
 def _design(source: Any) -> ControllerDesign | None:
     """Return a controller's design; None for a plug-in or the shipped controller."""
     if isinstance(source, ControllerDesign):
+        check_turns(source.model)
         return source
     if isinstance(getattr(source, "model", source), LinearModel):
         raise SettingsError("controller is a model; tl.tune(model) makes a controller of it")
