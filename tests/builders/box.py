@@ -31,6 +31,7 @@ class FloorBox:
         self.yaw_rad, self.moving = 0.0, False
         self.t_s = self.heard_s = time.monotonic()
         self.faults: set[str] = set()
+        self.rates_rad_s = (0.0, 0.0, 0.0)
         self.log("open")
 
     def poll(self) -> list[Any]:
@@ -91,11 +92,13 @@ class FloorBox:
         turned = 0.5 * self.yaw_rad
         up = -9.81 if "imu_upside_down" in self.faults else 9.81
         noise = 1e-4 * math.sin(1e3 * self.t_s)
+        if "imu_frozen" not in self.faults:
+            self.rates_rad_s = (noise, noise, self.turn_rad_s + noise)
         return [
             ImuSample(
                 t_s=self.t_s,
                 orientation=(math.cos(turned), 0.0, 0.0, math.sin(turned)),
-                angular_velocity_rad_s=(noise, noise, self.turn_rad_s + noise),
+                angular_velocity_rad_s=self.rates_rad_s,
                 linear_acceleration_m_s2=(noise, noise, up),
             )
         ]

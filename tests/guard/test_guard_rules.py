@@ -164,6 +164,10 @@ def without_stair(drive: Drive) -> None:
     drive.silent |= {"heading", "map"}
 
 
+def on_bench(drive: Drive) -> None:
+    drive.silent |= {"camera", "heading", "map"}
+
+
 def recorded(drive: Drive, lasts_s: float, since_s: float) -> None:
     """Replay belts of 0.3 m/s without frames."""
     drive.silent = {"camera"} if since_s < lasts_s else set()
@@ -234,6 +238,9 @@ CASES = [
     case("Senses", silence("imu"), 0.98, EVER, 1.0, "no IMU sample for 1.01 s", slows=SLOW_IMU),
     case("Senses", silence("imu"), 0.04, EVER, 0.05, "no IMU sample for 0.06 s", slows=SLOW_IMU, begin=over_crest),
     case("Senses", sent("stuck"), 0.9, EVER, 1.0, "gyro stuck for 1.01 s", slows="gyro stuck for 0.01 s"),
+    case(
+        "Senses", sent("stuck"), 0.9, EVER, 1.0, "gyro stuck for 1.01 s", slows="gyro", begin=on_bench, limits={"has_camera": False}
+    ),
     case("Senses", silence("heading", "map"), 11.9, EVER, 12.0, "no stair in view for 12.0 s"),
     case("FilterHealth", sent("disagreement"), 0.48, EVER, 0.5, "camera and gyro disagree for more than 0.5 s"),
     case("HealthSilence", silence("health"), 0.28, EVER, 0.3, "health of the heading silent for 0.3"),

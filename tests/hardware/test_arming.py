@@ -109,6 +109,26 @@ def test_a_swap_that_the_robot_file_states_is_undone(robot: TestRobot) -> None:
     assert {entry["limit_m_s"] for entry in robot.done()} == {0.1}  # the box's own limit on the bench
 
 
+@pytest.mark.parametrize(("fault", "cause"), [("imu_frozen", "gyro stuck for 0.1"), ("imu_silent", "no IMU sample for 0.1")])
+def test_the_bench_holds_for_an_inertial_sensor_that_freezes_or_ends(robot: TestRobot, fault: str, cause: str) -> None:
+    """Test: belts at 0.1 m/s by the stick; the gyro repeats one reading with fresh stamps, or sends none. Expected: held by the
+    guard's rule, and the belts of the box are stopped."""
+    said: list[str] = []
+
+    def hear(line: str) -> None:
+        said.append(line)
+        robot.obey(line)
+        if line.startswith("bench: "):
+            robot.hold(dead_man=True, speed=1.0)
+            robot.broken(fault)
+
+    runs.bench(robot.file(), robot.folder / "run", 2.0, hear)
+    (held,) = [line for line in said if "hold: " in line and "not armed" not in line]
+    assert f"hold: {cause}" in held
+    assert robot.done()[-1]["latched"]
+    assert max(entry["asked"][0] for entry in robot.done()) == 0.1
+
+
 def test_a_recording_needs_no_hand_moves_nothing_and_can_be_looked_at(robot: TestRobot) -> None:
     """Test: no handset, and a box that reports a re-arm again and again. Expected: it is not armed; a log and its page."""
     robot.path.write_text(robot.path.read_text().replace(f'[handset]\nlink = "box:Hand"\nfolder = "{robot.folder}"\n', ""))

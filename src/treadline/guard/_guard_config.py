@@ -167,6 +167,8 @@ class GuardConfig:
     """Viewing direction of the camera: what frames and maps show is ahead of the chair in this direction."""
     needs_heading: bool = True
     """Whether sensor timeouts, attitude and heading are monitored; False for open-loop runs."""
+    has_camera: bool = True
+    """Whether frames are awaited; False on the bench, where the inertial sensor alone is monitored."""
     has_planner: bool = True
     """Whether plans must arrive; False where a person drives."""
     watches_slip: bool = True

@@ -17,7 +17,7 @@ class Senses(Monitor):
     over crest and edge; no stair: 12 s, also where a person drives without a planner.
     Not covered: an image of the last 3 s is frozen, but not a loop of recorded images longer than 3 s.
 
-    A camera that sends images is judged by them, one that measures by itself by its measurements.
+    A camera that sends images is judged by them, one that measures by itself by its measurements. A bench has no camera.
     """
 
     rows, stop = "1–4, 6, 8", Stop.RAMP
@@ -105,7 +105,9 @@ class Senses(Monitor):
         return ("camera", self._no_frame(frame_s, 2)) if frame_s > self._config.silence_s else None
 
     def _clamp(self, t_s: float) -> None:
-        """Count a stamp in the future, from a clock that is ahead, as now."""
+        """Count a stamp in the future, from a clock that is ahead, as now; without a camera nothing is awaited from it."""
+        if not self._config.has_camera:
+            self._frame_s = self._seen_s = t_s
         self._imu_s, self._frame_s, self._seen_s = min(self._imu_s, t_s), min(self._frame_s, t_s), min(self._seen_s, t_s)
 
     def _no_frame(self, silent_s: float, digits: int = 1) -> str:

@@ -5,7 +5,7 @@ person holds the dead-man switch: each belt alone, forward and back, is compared
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from statistics import fmean
@@ -13,7 +13,18 @@ from typing import Any
 
 from treadline.core.angles import DEG, tilt_of
 from treadline.core.errors import LinkError
-from treadline.core.signals import TICK_S, FlipperReading, ImuSample, OperatorInput, SeatReading, TrackCommand, TrackReading
+from treadline.core.signals import (
+    TICK_S,
+    FlipperReading,
+    HeadingFault,
+    HeadingHealth,
+    ImuSample,
+    OperatorInput,
+    SeatReading,
+    TrackCommand,
+    TrackReading,
+)
+from treadline.estimation import StuckGyroDetector, StuckRule
 from treadline.guard import SILENCE_S, GuardConfig
 from treadline.hardware._guard_client import GuardClient
 from treadline.hardware._robot_plant import CameraThread, RobotPlant
@@ -32,10 +43,12 @@ TILT_RAD = 5.0 * DEG
 SHARE = 0.4
 """Share of the commanded speed above which a belt moves, and of the kinematic turn above which the chair turns: half of the 0.79
 that tracks turn on a floor (guard, level share); lifted ones do not turn at all."""
+NO_HEADING = {"disagreement_rad": 0.0, "unseen_s": 0.0, "bias_rad_s": 0.0, "scale": 1.0, "walk_rad_rts": 0.0}
+"""Values of a ``HeadingHealth`` without a heading."""
 
 
 class BenchSession:
-    """Ticks of a chair without a mission: the heartbeat, the readings and commanded belt speeds.
+    """Ticks of a chair without a mission: the heartbeat, the readings, commanded belt speeds, and the gyro's health.
 
     Args:
         client: The guard process.
@@ -58,6 +71,7 @@ class BenchSession:
     ) -> None:
         self._client, self._log = client, log
         self._plant = RobotPlant(client, client.begin(config, cause, rearms=rearms), camera)
+        self._gyro = StuckGyroDetector(StuckRule())
         self._ticks = 0
         self.newest: dict[type, Any] = {}
         """Newest reading of each type."""
@@ -82,9 +96,22 @@ class BenchSession:
         for signal in (*readings, *client.take_events()):
             self._log(signal, self.t_s)
         self.newest |= {type(reading): reading for reading in readings}
+        self._watch_gyro(readings)
         client.propose(TrackCommand(t_s=self.t_s, left_m_s=left_m_s, right_m_s=right_m_s))
         client.step(self.t_s, None)
         return readings
+
+    def _watch_gyro(self, readings: Sequence[Any]) -> None:
+        """Report to the guard whether the gyro is frozen, by the rule of the heading filter: on the bench no filter runs."""
+        for reading in readings:
+            match reading:
+                case TrackReading():
+                    self._gyro.belts(reading)
+                case ImuSample(t_s=t_s):
+                    stuck_s = self._gyro.stuck_s(reading)
+                    fault: HeadingFault | None = "stuck" if stuck_s > 0.0 else None
+                    found_s = t_s - stuck_s + StuckRule().for_s
+                    self._client.on_message(HeadingHealth(t_s=t_s, fault=fault, since_s=found_s, cause=None, **NO_HEADING))
 
     def settled(self, left_m_s: float, right_m_s: float, for_s: float) -> list[Any]:
         """Drive for a time [s], or until the guard holds; return the readings after the first ``SETTLE_S``."""

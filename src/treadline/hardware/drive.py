@@ -16,7 +16,7 @@ from treadline.core.errors import SettingsError
 from treadline.core.models import ControllerDesign
 from treadline.core.processes import LOOP, real_time
 from treadline.core.signals import Event
-from treadline.estimation import FilterConfig
+from treadline.estimation import StuckRule
 from treadline.guard import GuardConfig
 from treadline.hardware._arming import Arming, BenchSession
 from treadline.hardware._guard_client import GuardClient
@@ -74,24 +74,31 @@ class Robot:
 
     def bench_config(self) -> GuardConfig:
         """Limits of the guard without a mission: a person commands the belts, slowly."""
-        config = guard_config(replace(self.mission, loop="open", reports_ground=False), BENCH_PERIOD_S)
+        config = self._config(replace(self.mission, loop="open", reports_ground=False), BENCH_PERIOD_S)
         slow_m_s = min(config.slow_limit_m_s, config.belt_limit_m_s)
-        return replace(config, belt_limit_m_s=slow_m_s, has_planner=False, battery_least_v=self.file.limits.battery_least_v)
+        return replace(config, belt_limit_m_s=slow_m_s, has_planner=False, needs_heading=True, has_camera=False)
 
     def drive_config(self, period_s: float, frame_s: float) -> GuardConfig:
         """Limits of the guard for a drive.
 
-        A chair whose camera or inertial sensor is silent holds soon: driving on by one sensor alone, as the simulated chair does,
-        was never tried on a real one. A camera is silent from the moment at which its next frame is due, and the heading filter
-        takes a part of the time to detect a frozen gyro (rows 1 and 8 of the table of hazards).
+        A chair whose camera is silent holds soon, from the moment at which its next frame is due (row 1 of the table of hazards).
 
         Args:
             period_s: Control period [s].
             frame_s: Period of the camera's frames [s].
         """
-        config = replace(guard_config(self.mission, period_s), battery_least_v=self.file.limits.battery_least_v)
-        frozen_s = FilterConfig().stuck.for_s
-        return replace(config, blind_timeout_s=frame_s + config.silence_s, vision_only_s=config.silence_s - frozen_s)
+        config = self._config(self.mission, period_s)
+        return replace(config, blind_timeout_s=frame_s + config.silence_s)
+
+    def _config(self, mission: MissionConfig, period_s: float) -> GuardConfig:
+        """Limits of the guard of a real chair, which holds soon where the inertial sensor is silent or frozen.
+
+        Driving on by one sensor alone, as the simulated chair does, was never tried on a real one. A part of the time is taken to
+        detect a frozen gyro (row 8 of the table of hazards).
+        """
+        config = guard_config(mission, period_s)
+        vision_only_s = config.silence_s - StuckRule().for_s
+        return replace(config, battery_least_v=self.file.limits.battery_least_v, vision_only_s=vision_only_s)
 
 
 def camera_of(file: RobotFile) -> CameraThread:
