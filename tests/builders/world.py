@@ -137,10 +137,8 @@ def known(config: GuardConfig, *, speed_m_s: float = 0.0, travel_m: float = 0.0,
     """Return what a guard knows at a tick, of a chair that is asked for a speed after a way."""
     travel = BeltTravel(config.silence_s)
     travel.travel_m = travel_m
-    passed = TrackCommand(t_s=0.0, left_m_s=speed_m_s, right_m_s=speed_m_s)
-    frames = FrameMonitor(config)
-    clock = {"t_s": 0.0, "passed_s": 0.0, "same_ticks": 0, "commanded_s": 0.0}
-    return Known(config=config, frames=frames, travel=travel, report=lambda *_: None, passed=passed, **clock | values)
+    asked: dict[str, Any] = {"passed": TrackCommand(t_s=0.0, left_m_s=speed_m_s, right_m_s=speed_m_s)}
+    return Known(frames=FrameMonitor(config), travel=travel, report=lambda *_: None, **asked | values)
 
 
 def truth(t_s: float, **values: float) -> Truth:

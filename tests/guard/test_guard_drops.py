@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 import world
-from world import estimate, limits, stair
+from world import estimate, imu, limits, stair
 
 from treadline.core.signals import FreeGround, MotionPlan
 from treadline.guard._drop_monitor import DropMonitor
@@ -21,20 +21,26 @@ class Chair:
     """A chair with its monitor, standing on flat ground for a second."""
 
     def __init__(self, **changes: Any) -> None:
-        self.monitor = DropMonitor(limits(**changes))
-        self.monitor.update_motion(0.0, 0.0)
-        self.t_s, self.travel_m, self.heading_rad = 1.0, 0.0, 0.0
+        self.monitor, self.travel_m = DropMonitor(limits(**changes)), 0.0
+        self.tilt(0.0, 0.0)
+        self.t_s, self.heading_rad = 1.0, 0.0
         self.cause(0.0)
+
+    def hear(self, message: Any) -> None:
+        self.monitor.hear(message, world.known(limits(), travel_m=self.travel_m))
+
+    def tilt(self, t_s: float, pitch_rad: float) -> None:
+        self.hear(imu(t_s, pitch_rad))
 
     def look(self, frames: int = 2, **ground: Any) -> "Chair":
         for _ in range(frames):
-            self.monitor.look(FreeGround(t_s=self.t_s, **ground), self.travel_m)
+            self.hear(FreeGround(t_s=self.t_s, **ground))
         return self
 
     def map(self, behind_m: float = 0.86, maps: int = 2, **changes: Any) -> "Chair":
         nosings = [(-behind_m, 0.0, 0.0), (-behind_m - 0.3, 0.0, -0.16)]
         for _ in range(maps):
-            self.monitor.look_on_stair(stair(self.t_s, **{"direction": "down", "nosings_B": nosings} | changes), self.travel_m)
+            self.hear(stair(self.t_s, **{"direction": "down", "nosings_B": nosings} | changes))
         return self
 
     def cause(self, speed_m_s: float, phase: Any = "search") -> str | None:
@@ -121,7 +127,7 @@ def test_what_ends_beyond_a_rising_flights_first_nosing_is_no_end_of_the_floor()
     assert "the ground ends" in str(Chair().look(**ends).map(direction="up").cause(0.1, "mount"))  # nosings behind, called a rise
     landed = up(0.8)
     for pitch_deg in (20.0, 0.0):
-        landed.monitor.update_motion(landed.t_s, pitch_deg * DEG)
+        landed.tilt(landed.t_s, pitch_deg * DEG)
     assert "the ground ends" in str(landed.cause(0.1, "land"))
 
 
@@ -265,15 +271,15 @@ def test_the_first_tread_beyond_a_confirmed_edge_is_not_the_landing() -> None:
 def test_on_a_flight_neither_rule_holds_and_off_it_the_ground_is_awaited_for_three_frames() -> None:
     """Test: phases with a pitch above 5°, then level. Expected result: an end holds off the flight, unseen ground after 0.3 s."""
     chair = Chair().look(**FRONT | {"seen_m": 0.85, "end_m": 0.85, "end_sigma_m": 0.0})
-    chair.monitor.update_motion(1.0, 28.0 * DEG)
+    chair.tilt(1.0, 28.0 * DEG)
     assert [phase for phase in ("drive", "climb", "edge", "descend", "crest", "land") if chair.cause(0.1, phase) is not None] == [
         "crest",
         "land",
     ]
     chair = Chair()
-    chair.monitor.update_motion(1.0, 5.5 * DEG)
+    chair.tilt(1.0, 5.5 * DEG)
     assert chair.cause(0.1, "land") is None
-    chair.monitor.update_motion(1.0, 4.5 * DEG)
+    chair.tilt(1.0, 4.5 * DEG)
     for chair.t_s, held in ((1.25, False), (1.375, True)):
         assert (chair.cause(0.1, "land") is not None) is held
     assert chair.cause(0.1, "climb") is not None  # flat ground, whatever the plan says
@@ -282,7 +288,7 @@ def test_on_a_flight_neither_rule_holds_and_off_it_the_ground_is_awaited_for_thr
 def test_an_edge_is_past_once_the_chair_lies_on_the_flight() -> None:
     chair = Chair().look(**REAR | {"seen_m": 1.2, "end_m": 1.2, "end_sigma_m": 0.0})
     chair.travel_m = -1.0
-    chair.monitor.update_motion(1.0, 28.0 * DEG)
+    chair.tilt(1.0, 28.0 * DEG)
     assert chair.cause(-0.1, "leave") is None
 
 
@@ -298,7 +304,7 @@ def test_what_another_frame_showed_says_nothing_of_this_direction() -> None:
     for ground, way in ((FRONT, 1.0), (REAR, -1.0)):
         chair = Chair()
         chair.monitor = DropMonitor(limits())
-        chair.monitor.update_motion(0.0, 0.0)
+        chair.tilt(0.0, 0.0)
         assert chair.look(**ground).cause(0.1 * way) is not None
 
 
@@ -314,10 +320,10 @@ def test_the_rules_hold_on_their_very_limits() -> None:
     assert Chair(**lengths).look(**FRONT | {"blind_m": 0.5, "seen_m": 0.75}).cause(0.5, "approach") is None
     chair = Chair(**lengths).look(**ended)
     chair.travel_m = 0.5
-    chair.monitor.update_motion(1.0, 28.0 * DEG)
+    chair.tilt(1.0, 28.0 * DEG)
     assert chair.cause(0.5, "leave") is not None
     chair = Chair(**lengths)
-    chair.monitor.update_motion(0.5, 5.0 * DEG)
+    chair.tilt(0.5, 5.0 * DEG)
     chair.t_s = 0.25
     assert chair.cause(0.5) is None
     chair.t_s = 0.3125

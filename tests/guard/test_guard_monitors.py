@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from world import belts, estimate, flipper, frame, heading, known, limits, stair
+from world import belts, estimate, flipper, frame, heading, imu, known, limits, stair
 
-from treadline.core.signals import MotionPlan, SeatReading, TrackCommand
+from treadline.core.signals import ImuSample, MotionPlan, SeatReading, TrackCommand
 from treadline.guard import Guard, GuardConfig, ReadingAdmission
 from treadline.guard._attitude_limits import SeatMonitor
 from treadline.guard._belt_monitor import BeltMonitor
@@ -212,27 +212,27 @@ def test_a_belt_is_expected_to_lag_within_its_acceleration() -> None:
     """Test: from rest, 1 m/s and -0.1 m/s are asked; then the brake. Expected result: a lag's exponential, cut to the acceleration,
     and the brake's deceleration to zero and no further, both ways."""
     watch, lag = BeltMonitor(limits(drive_lag_s=0.25, drive_acceleration_m_s2=2.0)), math.exp(-0.25)
-    asked = TrackCommand(t_s=0.0, left_m_s=1.0, right_m_s=-0.1)
-    watch.update(belts(0.0, 0.0, 0.0), asked)
+    asked = known(limits(), passed=TrackCommand(t_s=0.0, left_m_s=1.0, right_m_s=-0.1))
+    watch.hear(belts(0.0, 0.0, 0.0), asked)
     for k, expected in ((1, [0.125, -0.1 * (1.0 - lag)]), (2, [0.25, -0.1 * (1.0 - lag * lag)])):
-        watch.update(belts(k / 16, 0.0, 0.0), asked)
+        watch.hear(belts(k / 16, 0.0, 0.0), asked)
         assert watch.expected_m_s == pytest.approx(expected)
-    watch.update(belts(1.0, 1.0, -0.75), asked)  # after a gap the readings count
+    watch.hear(belts(1.0, 1.0, -0.75), asked)  # after a gap the readings count
     for k, braked in ((1, (0.375, -0.125)), (2, (0.0, 0.0))):
-        watch.update(belts(1.0 + k / 16, 0.0, 0.0), TrackCommand.stop(0.0))
+        watch.hear(belts(1.0 + k / 16, 0.0, 0.0), known(limits(), passed=TrackCommand.stop(0.0)))
         assert watch.expected_m_s == braked
 
 
 def test_a_belt_may_differ_by_its_share_for_a_time() -> None:
     """Test: 0.5 m/s asked; a quarter and 1/16 m/s are allowed; on the limit, below, for the time and for less. Expected result:
     a cause for what lasts, and none where it comes and goes."""
-    asked = TrackCommand(t_s=0.0, left_m_s=0.5, right_m_s=0.5)
+    asked = known(limits(), speed_m_s=0.5)
 
     def run(*lefts: float) -> str | None:
         watch = BeltMonitor(limits(deviation=0.25, mismatch_spare_m_s=0.0625, mismatch_s=0.25))
-        watch.update(belts(0.0, 0.5, 0.5), asked)
+        watch.hear(belts(0.0, 0.5, 0.5), asked)
         for k, left in enumerate(lefts, start=1):
-            watch.update(belts(k / 16, left, 0.5), asked)
+            watch.hear(belts(k / 16, left, 0.5), asked)
         return watch.cause(NOW)
 
     assert run(*[0.3125] * 9) is None
@@ -339,12 +339,12 @@ def test_nosings_out_of_view_do_not_make_good_for_what_was_rolled_back(lost: str
     all; none if another way begins meanwhile."""
     t_s = 2.0 if lost == "late" else 1.625
     there = np.array([1.1875, 1.6875, 2.1875, 2.6875]) - (0.275 if lost == "others" else 0.0)
-    for anew in ("", "begin", "forget"):
+    for anew in ("", "begin", "restart"):
         watch = slipping(limits(normal_slip=9.0), (0.0, 0.0625, 3))
         if lost == "empty":
             watch.look(1.5, [], 0.125, 0.0)
         if anew:
-            getattr(watch, anew)()
+            watch.begin() if anew == "begin" else watch.restart(NOW)
         watch.look(t_s, list(there), 0.125, 0.0)
         watch.look(t_s + 0.125, list(there + 0.0625), 0.125, 0.0)
         assert watch.cause(NOW) is None
@@ -424,7 +424,7 @@ def test_a_gap_counts_from_its_fifth_map_and_fades() -> None:
 
     def looks(places: list[tuple[float, float]], maps: int = 1) -> bool:
         for _ in range(maps):
-            watch.look(stair(0.0, places), 0.0)
+            watch.hear(stair(0.0, places), NOW)
         return watch.restriction(NOW) is not None
 
     assert not looks(gap, 4)
@@ -442,7 +442,7 @@ def ahead(config: GuardConfig, **changes: Any) -> AheadMonitor:
     places = changes.pop("places", [])
     watch = AheadMonitor(config)
     for _ in range(5):
-        watch.look(stair(0.0, places, **changes), 0.0)
+        watch.hear(stair(0.0, places, **changes), NOW)
     return watch
 
 
@@ -452,7 +452,7 @@ def test_a_step_before_the_flights_last_nosing_is_no_obstacle_on_the_landing(las
     held before the former alone; a tread of open risers held a chair on its flight."""
     watch = ahead(LENGTHS, places=on_a_line(0.8, last_m))
     for _ in range(2):
-        watch.look_on(1.2, 0.0)
+        watch.hear(frame(0.0, obstacle_m=1.2), NOW)
     assert (watch.cause(known(LENGTHS, speed_m_s=0.25)) is not None) == stops
 
 
@@ -512,6 +512,10 @@ def test_a_seats_error_counts_from_when_it_stopped_shrinking() -> None:
     assert watch.cause(NOW) is not None
 
 
+def moved(t_s: float, orientation: tuple[float, ...], pitch_rate_rad_s: float) -> ImuSample:
+    return replace(imu(t_s), orientation=orientation, angular_velocity_rad_s=(0.0, -pitch_rate_rad_s, 0.0))
+
+
 def plan(phase: Any, *, needs_stair: bool = False) -> MotionPlan:
     return MotionPlan(t_s=0.0, phase=phase, speed_m_s=0.1, needs_stair=needs_stair)
 
@@ -520,10 +524,15 @@ def turning(apart_m_s: float, phase: Any, ticks: int, watch: GyroOnlyTurn | None
     """Let the belts run apart for so many sixteenths of a second."""
     if watch is None:
         watch = GyroOnlyTurn(limits(blind_turn_rad=0.5, blind_turn_s=4.0, gyro_drift_rad_s=1.0, silence_s=0.0625))
-        watch.update_belts(7.0, 0.0, None)
+        watch.hear(belts(7.0, 0.0, 0.0), NOW)
     for _ in range(ticks):
-        watch.update_belts(watch.t_s + 1 / 16, apart_m_s, plan(phase))
+        ran(watch, 1 / 16, apart_m_s, plan(phase))
     return watch
+
+
+def ran(watch: GyroOnlyTurn, after_s: float, apart_m_s: float, followed: MotionPlan | None) -> None:
+    """Let a belt reading come some time after the last one."""
+    watch.hear(belts(watch._t_s + after_s, 0.0, apart_m_s), known(limits(), plan=followed))
 
 
 @pytest.mark.parametrize(("phase", "per_metre"), [("climb", FLIGHT_RAD_M), ("descend", FLIGHT_RAD_M)])
@@ -541,7 +550,7 @@ def test_a_turn_counts_from_the_first_reading_and_beyond_its_limit(phase: Any, p
 def test_what_the_belts_did_while_nobody_reported_is_no_turn() -> None:
     """Test: a reading, and a fast one after a second of silence, on the flight. Expected result: no cause; it begins anew."""
     watch = turning(0.0, "climb", 1)
-    watch.update_belts(watch.t_s + 1.0, 1.0 / FLIGHT_RAD_M, plan("climb"))
+    ran(watch, 1.0, 1.0 / FLIGHT_RAD_M, plan("climb"))
     assert watch.cause(NOW) is None
     assert turning(0.25 / FLIGHT_RAD_M, "climb", 32, watch).cause(NOW) is None
     assert turning(0.25 / FLIGHT_RAD_M, "climb", 1, watch).cause(NOW) is not None
@@ -558,20 +567,20 @@ def test_a_sight_or_another_phase_begins_anew_and_a_turn_is_judged_where_no_stai
     Expected result: no cause; the reading after which none should be seen any more brings one."""
     apart = 0.25 / FLIGHT_RAD_M
     watch = turning(apart, "climb", 24)
-    watch.seen(watch.t_s - 0.5)  # the last eight readings are later
+    watch.hear(heading(watch._t_s - 0.5), NOW)  # the last eight readings are later
     assert turning(apart, "climb", 25, watch).cause(NOW) is None
     turning(apart, "search", 1, watch)
     assert turning(apart, "climb", 24, watch).cause(NOW) is None
     for _ in range(40):
-        watch.update_belts(watch.t_s + 1 / 16, apart, plan("climb", needs_stair=True))
+        ran(watch, 1 / 16, apart, plan("climb", needs_stair=True))
     assert watch.cause(NOW) is None
     assert turning(apart, "climb", 1, watch).cause(NOW) is not None
     watch = turning(apart, "climb", 24)
-    watch.seen(watch.t_s - 0.5)
+    watch.hear(heading(watch._t_s - 0.5), NOW)
     assert turning(apart, "climb", 26, watch).cause(NOW) is not None
     none = GyroOnlyTurn(limits())
-    none.update_belts(0.0, 1.0, None)
-    none.update_belts(100.0, 1.0, None)
+    ran(none, 0.0, 1.0, None)
+    ran(none, 100.0, 1.0, None)
     assert none.cause(NOW) is None
 
 
@@ -590,7 +599,7 @@ def test_how_far_belts_turn_a_chair_is_another_matter_on_the_level_and_over_a_no
     """Test: 0.3 rad/s over the crest, on either side of 2° of pitch. Expected result: a cause within two seconds, as far as the
     belts turn the chair there."""
     watch = GyroOnlyTurn(limits(blind_turn_rad=0.5, blind_turn_s=4.0, gyro_drift_rad_s=1.0))
-    watch.update_motion(0.0, tilted(pitch_rad, 0.0) if pitch_rad < 1.0 else (1.0, 0.0, -1.1, 0.0), 0.0)
+    watch.hear(moved(0.0, tilted(pitch_rad, 0.0) if pitch_rad < 1.0 else (1.0, 0.0, -1.1, 0.0), 0.0), NOW)
     turning(0.3 / per_metre, "crest", 27, watch)
     assert watch.cause(NOW) is None
     turning(0.3 / per_metre, "crest", 1, watch)
@@ -602,7 +611,7 @@ def test_yaw_and_roll_are_no_pitch_and_a_first_sample_is_no_swing() -> None:
     the level from the first reading on."""
     c, s, cr, sr = math.cos(math.pi / 3), math.sin(math.pi / 3), math.cos(0.05), math.sin(0.05)
     watch = GyroOnlyTurn(limits(blind_turn_rad=0.5, blind_turn_s=4.0, gyro_drift_rad_s=1.0))
-    watch.update_motion(0.0, (c * cr, c * sr, s * sr, s * cr), 1.0)
+    watch.hear(moved(0.0, (c * cr, c * sr, s * sr, s * cr), 1.0), NOW)
     assert turning(0.3 / LEVEL_RAD_M, "crest", 28, watch).cause(NOW) is not None
 
 
@@ -610,19 +619,19 @@ def test_a_chair_that_swings_is_not_judged() -> None:
     """Test: pitch rates of 0.07 and 0.09 rad/s, either way, for as long as their mean needs. Expected: 4.5 °/s lies between."""
     for rate, judged in ((0.07, True), (-0.07, True), (0.09, False), (-0.09, False)):
         watch = GyroOnlyTurn(limits(blind_turn_rad=0.5, blind_turn_s=4.0, gyro_drift_rad_s=1.0))
-        watch.update_motion(0.0, tilted(0.3, 0.0), rate)
+        watch.hear(moved(0.0, tilted(0.3, 0.0), rate), NOW)
         assert turning(0.3 / OVER_RAD_M, "leave", 2, watch).cause(NOW) is None
         for k in range(1, 100):
-            watch.update_motion(k / 64, tilted(0.3, 0.0), rate)
+            watch.hear(moved(k / 64, tilted(0.3, 0.0), rate), NOW)
         turning(0.3 / OVER_RAD_M, "leave", 30, watch)
         assert (watch.cause(NOW) is not None) is judged
     # The mean takes 0.2 s: a shock of one sample is no swing.
     watch = GyroOnlyTurn(limits(blind_turn_rad=0.5, blind_turn_s=4.0, gyro_drift_rad_s=1.0))
-    watch.update_motion(1.0, tilted(0.3, 0.0), 0.0)
-    watch.update_motion(1.0 + 1 / 64, tilted(0.3, 0.0), 1.0)  # 0.075 rad/s in the mean
+    watch.hear(moved(1.0, tilted(0.3, 0.0), 0.0), NOW)
+    watch.hear(moved(1.0 + 1 / 64, tilted(0.3, 0.0), 1.0), NOW)  # 0.075 rad/s in the mean
     assert turning(0.3 / OVER_RAD_M, "leave", 29, watch).cause(NOW) is not None
     watch.restart(NOW)
-    watch.update_motion(1.0 + 2 / 64, tilted(0.3, 0.0), 0.2)  # 0.084 rad/s
+    watch.hear(moved(1.0 + 2 / 64, tilted(0.3, 0.0), 0.2), NOW)  # 0.084 rad/s
     assert turning(0.3 / OVER_RAD_M, "leave", 29, watch).cause(NOW) is None
 
 

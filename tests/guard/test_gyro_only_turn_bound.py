@@ -4,7 +4,7 @@ import math
 from functools import partial
 
 import pytest
-from world import known, limits
+from world import belts, known, limits
 
 from treadline.core.angles import DEG
 from treadline.core.signals import MotionPlan
@@ -53,7 +53,7 @@ def test_belts_far_apart_count_no_faster_than_a_gyro_may_drift(sign: float, apar
     t_s = 0.0
     while watch.cause(known(limits())) is None:
         t_s += 1 / 64
-        watch.update_belts(t_s, sign * apart_m_s, CLIMB)
+        watch.hear(belts(t_s, 0.0, sign * apart_m_s), known(limits(), plan=CLIMB))
         assert t_s < 10.0
     # The first reading begins the window; 1/64 s each for it and for the reading that goes beyond.
     assert t_s == pytest.approx(held_s + 1 / 64, abs=0.05)

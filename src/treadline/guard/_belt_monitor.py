@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from treadline.core.signals import ROUNDING_S, TrackCommand, TrackReading
+from treadline.core.signals import ROUNDING_S, TrackReading
 from treadline.guard._guard_config import GuardConfig
 from treadline.guard._known import Known, Lasting, Monitor
 
@@ -37,11 +37,8 @@ class BeltMonitor(Monitor):
         return left, right
 
     def hear(self, message: Any, known: Known) -> None:
-        """Update with one reading of the drives."""
-        self.update(message, known.passed)
-
-    def update(self, reading: TrackReading, asked: TrackCommand) -> None:
         """Compare one reading of the drives with the command that they have; after a gap the reading is what is expected."""
+        reading, asked = message, known.passed
         dt_s, self._t_s = reading.t_s - self._t_s, reading.t_s
         belts = (reading.left_m_s, reading.right_m_s)
         if dt_s > self._config.silence_s + ROUNDING_S:

@@ -178,25 +178,17 @@ class DropMonitor(Monitor):
         """Update with an IMU sample, the ground of one frame or a map."""
         match message:
             case ImuSample():
-                self.update_motion(message.t_s, message.pitch_rad)
+                if abs(message.pitch_rad) > FLAT_RAD:
+                    self._flat_s = None
+                elif self._flat_s is None:
+                    self._flat_s, self._ground[1.0].rise_m = message.t_s, math.inf
             case FreeGround():
-                self.look(message, known.travel.at(message.t_s)[0])
+                way, reach_m = (1.0, self._config.front_m) if message.view == "front" else (-1.0, self._config.rear_m)
+                self._ground[way].look(message, way * known.travel.at(message.t_s)[0], reach_m)
             case _:
-                self.look_on_stair(message, known.travel.at(message.t_s)[0])
+                self._look_on_stair(message, known.travel.at(message.t_s)[0])
 
-    def update_motion(self, t_s: float, pitch_rad: float) -> None:
-        """Update with the pitch of one IMU sample."""
-        if abs(pitch_rad) > FLAT_RAD:
-            self._flat_s = None
-        elif self._flat_s is None:
-            self._flat_s, self._ground[1.0].rise_m = t_s, math.inf
-
-    def look(self, ground: FreeGround, travel_m: float) -> None:
-        """Update with the ground of one frame and the belt travel at its exposure."""
-        way, reach_m = (1.0, self._config.front_m) if ground.view == "front" else (-1.0, self._config.rear_m)
-        self._ground[way].look(ground, way * travel_m, reach_m)
-
-    def look_on_stair(self, stair: StairMap, travel_m: float) -> None:
+    def _look_on_stair(self, stair: StairMap, travel_m: float) -> None:
         """Update with the nosings of one map and the belt travel at its exposure.
 
         Rising flights are seen forwards, falling ones backwards; a map that says otherwise of its nosings shows none. One nosing

@@ -5,7 +5,6 @@
 
 import math
 from collections import deque
-from collections.abc import Sequence
 from typing import Any
 
 from treadline.core.angles import DEG, tilt_of
@@ -36,7 +35,7 @@ class GyroOnlyTurn(Monitor):
 
     def __init__(self, config: GuardConfig) -> None:
         super().__init__(config)
-        self.t_s = 0.0
+        self._t_s = 0.0
         """Time of the last belt reading [s]."""
         self._pitch_rad = self._swing_rad_s = 0.0
         self._imu_s: float | None = None
@@ -44,36 +43,22 @@ class GyroOnlyTurn(Monitor):
         self._window: deque[tuple[float, float]] = deque()
 
     def hear(self, message: Any, known: Known) -> None:
-        """Update with a measured heading, an IMU sample or a belt reading."""
+        """Update with a belt reading or an IMU sample; a measured heading resets the turn up to the exposure of its frame."""
         match message:
             case HeadingMeasurement():
-                self.seen(message.t_s)
+                while self._window and self._window[0][0] <= message.t_s:
+                    self._window.popleft()
             case ImuSample():
-                self.update_motion(message.t_s, message.orientation, -message.angular_velocity_rad_s[1])
+                self._pitch_rad, _ = tilt_of(message.orientation)
+                dt_s, self._imu_s = 0.0 if self._imu_s is None else message.t_s - self._imu_s, message.t_s
+                pitch_rate_rad_s = -message.angular_velocity_rad_s[1]
+                self._swing_rad_s += (pitch_rate_rad_s - self._swing_rad_s) * (1.0 - math.exp(-dt_s / SMOOTHING_S))
             case _:
-                self.update_belts(message.t_s, message.right_m_s - message.left_m_s, known.followed)
+                self._turn(message.t_s, message.right_m_s - message.left_m_s, known.followed)
 
-    def seen(self, t_s: float) -> None:
-        """Reset the turn up to the exposure of a frame with a measured heading."""
-        while self._window and self._window[0][0] <= t_s:
-            self._window.popleft()
-
-    def update_motion(self, t_s: float, orientation: Sequence[float], pitch_rate_rad_s: float) -> None:
-        """Update with one IMU sample: attitude quaternion (w, x, y, z) and pitch rate [rad/s]."""
-        self._pitch_rad, _ = tilt_of(orientation)
-        dt_s = 0.0 if self._imu_s is None else t_s - self._imu_s
-        self._imu_s = t_s
-        self._swing_rad_s += (pitch_rate_rad_s - self._swing_rad_s) * (1.0 - math.exp(-dt_s / SMOOTHING_S))
-
-    def update_belts(self, t_s: float, apart_m_s: float, plan: MotionPlan | None) -> None:
-        """Update with one belt reading; the turn is judged where the plan needs no stair in view.
-
-        Args:
-            t_s: Time of the reading.
-            apart_m_s: Speed of the right belt minus that of the left one.
-            plan: Latest plan, if any.
-        """
-        dt_s, self.t_s = t_s - self.t_s, t_s
+    def _turn(self, t_s: float, apart_m_s: float, plan: MotionPlan | None) -> None:
+        """Update with the difference of the belt speeds; the turn is judged where the plan needs no stair in view."""
+        dt_s, self._t_s = t_s - self._t_s, t_s
         if plan is None or plan.phase not in FLIGHT + OVER:
             self._window.clear()
             return

@@ -5,7 +5,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from treadline.core.signals import ROUNDING_S, CommandSource, HeadingEstimate, MotionPlan, TrackCommand
@@ -19,7 +19,6 @@ from treadline.guard._half_cosine_stop import Stop
 class Known:
     """Common knowledge of all monitors; the guard updates it, and no monitor changes it."""
 
-    config: GuardConfig
     frames: FrameMonitor
     """Judgement of the newest frame."""
     travel: BeltTravel
@@ -27,15 +26,15 @@ class Known:
     """Reports an event: its name and its cause."""
     is_reading: bool = False
     """Whether the message that is heard comes from a sensor, not from another block."""
-    t_s: float
+    t_s: float = 0.0
     """Time of the tick."""
-    passed_s: float
+    passed_s: float = 0.0
     """Time since the previous tick."""
-    same_ticks: int
+    same_ticks: int = 0
     """Number of ticks since then at one time."""
-    commanded_s: float
+    commanded_s: float = 0.0
     """Time of the latest command of the belts' source."""
-    passed: TrackCommand
+    passed: TrackCommand = field(default_factory=lambda: TrackCommand.stop(0.0))
     """Command that the belts have; within a tick, before its causes are asked for, the one that they would get."""
     plan: MotionPlan | None = None
     """Newest plan."""

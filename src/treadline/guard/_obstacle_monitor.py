@@ -59,18 +59,20 @@ class AheadMonitor(Monitor):
 
     def hear(self, message: Any, known: Known) -> None:
         """Update with one map, or with one frame that may be used."""
-        travel_m, _ = known.travel.at(message.t_s)
+        travel_m = self._sign * known.travel.at(message.t_s)[0]
         match message:
             case StairMap():
-                self.look(message, travel_m)
+                _show(self._in_maps, message.obstacle_m, travel_m)
+                self._look_at([(self._sign * x_m, z_m) for x_m, _, z_m in message.nosings_B], travel_m)
             case FrameQuality() if not known.frames.refused:
-                self.look_on(message.obstacle_m, travel_m)
+                # A step of the flight is no obstacle.
+                first_m, last_m = self._steps_m
+                obstacle_m = message.obstacle_m
+                is_step = obstacle_m is not None and first_m - SAME_M < travel_m + obstacle_m < last_m + SAME_M
+                _show(self._in_frames, None if is_step else obstacle_m, travel_m)
 
-    def look(self, stair: StairMap, travel_m: float) -> None:
-        """Update with one map, and the belt travel at its exposure."""
-        travel_m *= self._sign
-        places = [(self._sign * x_m, z_m) for x_m, _, z_m in stair.nosings_B]
-        _show(self._in_maps, stair.obstacle_m, travel_m)
+    def _look_at(self, places: Sequence[tuple[float, float]], travel_m: float) -> None:
+        """Update with the nosings of one map, and the travel towards them at its exposure."""
         gap = gap_between(places, self._config.track_span_m)
         if gap is not None and gap[0] > NEAR_M:
             gap = None
@@ -84,13 +86,6 @@ class AheadMonitor(Monitor):
             first_m, last_m = travel_m + places[0][0], travel_m + places[-1][0]
             is_same_flight = first_m < self._steps_m[1] + SAME_M and self._steps_m[0] < last_m + SAME_M
             self._steps_m = min(first_m, self._steps_m[0]) if is_same_flight else first_m, last_m
-
-    def look_on(self, obstacle_m: float | None, travel_m: float) -> None:
-        """Update with the obstacle that one frame shows on flat ground, and the belt travel; a step of the flight is none."""
-        travel_m *= self._sign
-        first_m, last_m = self._steps_m
-        is_step = obstacle_m is not None and first_m - SAME_M < travel_m + obstacle_m < last_m + SAME_M
-        _show(self._in_frames, None if is_step else obstacle_m, travel_m)
 
     def cause(self, known: Known) -> str | None:
         """Return the obstacle or gap from which the chair would not keep its distance at this speed; None if there is none."""

@@ -52,7 +52,9 @@ class Senses(Monitor):
             case MotionPlan() if not message.needs_stair:
                 self._seen_s = max(self._seen_s, message.t_s)
             case HeadingHealth():
-                self._trust(message)
+                # A fault begins when the filter says, but never after the message itself.
+                since_s = min(message.t_s if message.since_s is None else message.since_s, message.t_s)
+                self._stuck_s = min(since_s, self._stuck_s) if message.fault == "stuck" else math.inf
 
     def reject(self, message: Any, known: Known, fault: str) -> None:
         """Note why a sample, or a measurement of a camera, was rejected."""
@@ -71,21 +73,13 @@ class Senses(Monitor):
         self._frame_s = max(self._frame_s, t_s)
         self._frame_m, _ = known.travel.at(t_s)
 
-    def _trust(self, health: HeadingHealth) -> None:
-        """Update with the heading filter's opinion of the gyro.
-
-        A fault begins when the filter says, but never after the message itself.
-        """
-        since_s = min(health.t_s if health.since_s is None else health.since_s, health.t_s)
-        self._stuck_s = min(since_s, self._stuck_s) if health.fault == "stuck" else math.inf
-
     def cause(self, known: Known) -> str | None:
         """Return what has been missing for too long, or None."""
         limits, t_s = self._config, known.t_s
         self._clamp(t_s)
         frame_s, driven_m, no_imu = t_s - self._frame_s, abs(known.travel.travel_m - self._frame_m), self._no_imu(t_s)
         is_tipping = known.followed is not None and known.followed.phase in TIPPING
-        if no_imu is not None and (self._without_imu(t_s) > limits.vision_only_s or is_tipping):
+        if no_imu is not None and (t_s - min(self._imu_s, self._stuck_s) > limits.vision_only_s or is_tipping):
             return no_imu
         if frame_s > limits.blind_timeout_s:
             return self._no_frame(frame_s)
@@ -112,9 +106,6 @@ class Senses(Monitor):
 
     def _no_frame(self, silent_s: float, digits: int = 1) -> str:
         return f"no frame for {silent_s:.{digits}f} s{last(self._refused)}"
-
-    def _without_imu(self, t_s: float) -> float:
-        return t_s - min(self._imu_s, self._stuck_s)
 
     def _no_imu(self, t_s: float) -> str | None:
         if t_s - self._imu_s > self._config.imu_timeout_s:

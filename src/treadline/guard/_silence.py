@@ -46,15 +46,15 @@ class Silence(Monitor):
 
     def hear(self, message: Any, known: Known) -> None:
         """Record what a source says."""
-        self._expect(message)
+        self.reject(message, known, "")
         name = self._name(message)
         if name is not None:
             self._heard_s[name] = max(message.t_s, self._heard_s.get(name, message.t_s))
-            self._faults.pop(name, None)
 
     def reject(self, message: Any, known: Known, fault: str) -> None:
-        """Record why a message was rejected; it ends no silence."""
-        self._expect(message)
+        """Record why a message was rejected, which ends no silence; an empty fault is none."""
+        if self.after is not None and isinstance(message, self.after):
+            self._heard_s = dict.fromkeys(self.names.values(), math.inf) | self._heard_s
         name = self._name(message)
         if name is not None:
             self._faults[name] = fault
@@ -81,10 +81,6 @@ class Silence(Monitor):
 
     def _name(self, message: Any) -> str | None:
         return self.names.get(type(message))
-
-    def _expect(self, message: Any) -> None:
-        if self.after is not None and isinstance(message, self.after):
-            self._heard_s = dict.fromkeys(self.names.values(), math.inf) | self._heard_s
 
 
 class LinkSilence(Silence):

@@ -67,7 +67,7 @@ class SlipMonitor(Monitor):
         plan = known.followed
         on_flight = plan is None or (plan.phase in FLIGHT and (stair.direction == "up") == (plan.speed_m_s >= 0.0))
         if not on_flight or math.isinf(known.heading_rad):
-            self.forget()
+            self.restart(known)
             return
         sign, across = 1.0 if self._config.view == "front" else -1.0, math.cos(known.heading_rad)
         travel_m, slow_m = known.travel.at(stair.t_s)
@@ -77,10 +77,6 @@ class SlipMonitor(Monitor):
     def restriction(self, known: Known) -> tuple[str, str] | None:
         """Return the slip, if it exceeds the limit."""
         return ("slip", f"slip {self.slip:.2f}") if self.slip > 0.0 else None
-
-    def restart(self, known: Known) -> None:
-        """Start again."""
-        self.forget()
 
     def look(self, t_s: float, places_m: Sequence[float], travel_m: float, heading_rad: float, ahead_m: float = 0.0) -> None:
         """Update with the nosings of one map.
@@ -106,15 +102,17 @@ class SlipMonitor(Monitor):
         self._t_s, self._places, self._travel_m, self._ahead_m = t_s, places_m, travel_m, ahead_m
         self._window.append((t_s, travel_m, self._roll_back_m, heading_rad))
         self._judge(t_s)
-        self._roll(came_m)
+        self._back_m = max(self._back_m - came_m, 0.0)
+        if self._back_m > self._config.roll_back_m:
+            self._cause = f"rolled back {self._back_m:.2f} m"
 
     def begin(self) -> None:
         """Reset the roll-back."""
         self._back_m = 0.0
         self._places = ()
 
-    def forget(self) -> None:
-        """Reset slip and roll-back."""
+    def restart(self, known: Known) -> None:
+        """Start again: reset slip and roll-back."""
         self.begin()
         self._lose()
 
@@ -154,9 +152,3 @@ class SlipMonitor(Monitor):
             self._since_s, self._since_slid_m = t_s, slid
         elif t_s - self._since_s >= window_s:
             self._cause = f"slip {self.slip:.2f}: the chair is {slid:.2f} m off its belts in {t_s - then_s:.1f} s"
-
-    def _roll(self, came_m: float) -> None:
-        """Update the roll-back with the travel by the nosings since the last map."""
-        self._back_m = max(self._back_m - came_m, 0.0)
-        if self._back_m > self._config.roll_back_m:
-            self._cause = f"rolled back {self._back_m:.2f} m"

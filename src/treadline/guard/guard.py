@@ -8,6 +8,7 @@ and again after each re-arm. The guard computes with plain numbers.
 """
 
 import math
+from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
@@ -56,23 +57,23 @@ class Guard:
     """Supervisor with a latched HOLD over the command stream."""
 
     def __init__(self, config: GuardConfig) -> None:
-        self._config = config
+        self.config = config
+        """Limits of the guard."""
         self._latch, self._button = Latch(config), Rearm()
         self._admission = ReadingAdmission(config)
+        self.rejected: Mapping[str, int] = self._admission.stamps.rejected
+        """Number of messages rejected for their stamp or their content, by kind."""
         self._known = Known(
-            config=config,
             frames=self._admission.frames,
             travel=self._admission.travel,
             report=lambda name, cause: self._latch.report(self._known.t_s, name, cause),
-            passed=TrackCommand.stop(0.0),
-            t_s=0.0,
-            passed_s=0.0,
-            same_ticks=0,
-            commanded_s=0.0,
         )
         self._watches = {rule: rule(config) for rule in RULES if rule.is_watched(config)}
-        self._hearers: dict[type, list[Monitor]] = {}
+        self._hearers: dict[type, list[Monitor]] = defaultdict(list)
         """Monitors that hear each type of message."""
+        for monitor in self._watches.values():
+            for kind in monitor.hears:
+                self._hearers[kind].append(monitor)
         self._is_dark = False
         self._seat_rad = 0.0
         self._command = TrackCommand.stop(0.0)
@@ -80,11 +81,6 @@ class Guard:
         self._t_s: float | None = None
         self._velocity: VelocityCommand | None = None
         self._map_s = self._begun_s = -math.inf
-
-    @property
-    def config(self) -> GuardConfig:
-        """Limits of the guard."""
-        return self._config
 
     @property
     def source(self) -> CommandSource:
@@ -96,11 +92,6 @@ class Guard:
         """Cause of the HOLD, or None."""
         return self._latch.cause
 
-    @property
-    def rejected(self) -> Mapping[str, int]:
-        """Number of messages rejected for their stamp or their content, by kind."""
-        return self._admission.stamps.rejected
-
     def advance(self, t_s: float) -> None:
         """Set the guard's clock at the start of a tick; the stamps of the tick's messages are compared with it."""
         if math.isfinite(t_s):
@@ -109,29 +100,13 @@ class Guard:
 
     def admit(self, reading: Stamped) -> bool:
         """Return whether other blocks may use a reading; the guard receives each reading first."""
-        self._known.is_reading = True
-        if isinstance(reading, OperatorInput):
-            return self._obey(reading)
-        accepted = self._accepts(reading)
-        usable = accepted and self._admission.is_sound(reading)
-        # Images are judged by their quality, which is heard also where they cannot be used.
-        if usable or (isinstance(reading, FrameQuality) and (accepted or self._admission.fault)):
-            self._hear(reading)
-        else:
-            self._refuse(reading)
-        return usable
+        return self._obey(reading) if isinstance(reading, OperatorInput) else self._take(reading)
 
     def on_message(self, message: HeadingMeasurement | StairMap | HeadingHealth | MotionPlan) -> bool:
         """Update with a message that other blocks computed from readings; return whether it is accepted."""
         if isinstance(message, MotionPlan):
             self._latch.hold(self._known.t_s, Stop.RAMP, message.hold)  # a hold is valid whatever its stamp
-        self._known.is_reading = False
-        # A map may arrive as a reading and as a message; each has a series of stamps.
-        if not self._accepts(message, "a block"):
-            self._refuse(message)
-            return False
-        self._hear(message)
-        return True
+        return self._take(message, "a block")
 
     def beat(self, process: str, t_s: float) -> None:
         """Record the heartbeat of a process; of those of the graph the next ones are then expected."""
@@ -144,7 +119,7 @@ class Guard:
     def propose(self, command: TrackCommand | SeatCommand | VelocityCommand) -> None:
         """Update with the command of the driver, of the seat's leveller, or of a joystick or another planner."""
         if not self._admission.stamps.accept(command, "a block"):
-            self._report_rejection()
+            self._latch.reject(self._known.t_s, self._admission.stamps.rejection)
         elif isinstance(command, SeatCommand):
             self._propose_seat(command)
         elif isinstance(command, VelocityCommand):
@@ -164,12 +139,8 @@ class Guard:
         known = self._known
         self._choose_source(t_s)
         self._tick(t_s)
-        known.is_reading = False
-        if estimate is not None and self._accepts(estimate, "a block"):
+        if estimate is not None and self._take(estimate, "a block"):
             known.estimate = estimate
-            self._hear(estimate)
-        elif estimate is not None:
-            self._refuse(estimate)
         known.passed = self._limited(t_s)
         for monitor in self._watches.values():
             self._latch.hold(t_s, monitor.stop, monitor.cause(known))
@@ -184,24 +155,29 @@ class Guard:
 
     # Readings
 
-    def _accepts(self, message: Stamped, by: str = "") -> bool:
-        """Return whether stamp and content of a message are acceptable; report one that is not."""
-        accepted = self._admission.accept(message, by)
+    def _take(self, message: Stamped, by: str = "") -> bool:
+        """Let the monitors hear a message, or why it was rejected; return whether it may be used.
+
+        A sensor's clock that leapt holds at once. Images are judged by their quality, which is heard also where they cannot be
+        used. A map may arrive as a reading and from a block; each has a series of stamps.
+
+        Args:
+            by: Sender of what is no reading.
+        """
+        known, admission, is_reading = self._known, self._admission, not by
+        known.is_reading = is_reading
+        accepted = admission.accept(message, by)
         if not accepted:
-            self._report_rejection()
-        return accepted
-
-    def _report_rejection(self) -> None:
-        rejection = self._admission.stamps.rejection
-        if rejection is not None:
-            self._latch.reject(self._known.t_s, rejection)
-
-    def _refuse(self, message: Stamped) -> None:
-        """Let the monitors know why a message was rejected; a sensor's clock that leapt holds at once."""
-        if self._known.is_reading:
-            self._latch.hold(self._known.t_s, Stop.BRAKE, self._admission.stamps.leap)
-        for monitor in self._hearers_of(message):
-            monitor.reject(message, self._known, self._admission.fault)
+            self._latch.reject(known.t_s, admission.stamps.rejection)
+        usable = accepted and (not is_reading or admission.is_sound(message))
+        if usable or (isinstance(message, FrameQuality) and (accepted or admission.fault)):
+            self._hear(message)
+            return usable
+        if is_reading:
+            self._latch.hold(known.t_s, Stop.BRAKE, admission.stamps.leap)
+        for monitor in self._hearers.get(type(message), ()):
+            monitor.reject(message, known, admission.fault)
+        return False
 
     def _hear(self, message: Stamped) -> None:
         """Let the monitors hear an accepted message, once if it arrives twice: as a reading, and as a message."""
@@ -216,14 +192,8 @@ class Guard:
                 if not message.t_s > self._map_s:
                     return
                 self._map_s = message.t_s
-        for monitor in self._hearers_of(message):
+        for monitor in self._hearers.get(type(message), ()):
             monitor.hear(message, self._known)
-
-    def _hearers_of(self, message: Stamped) -> list[Monitor]:
-        kind = type(message)
-        if kind not in self._hearers:
-            self._hearers[kind] = [monitor for monitor in self._watches.values() if kind in monitor.hears]
-        return self._hearers[kind]
 
     def _report_light(self, quality: FrameQuality) -> None:
         is_dark = self._known.frames.is_dark
@@ -234,11 +204,7 @@ class Guard:
 
     def _obey(self, operator: OperatorInput) -> bool:
         """Update with the operator: stop and a released dead-man switch hold whatever their age; re-arm ends a hold."""
-        new = self._accepts(operator)
-        if new:
-            self._hear(operator)
-        else:
-            self._refuse(operator)
+        new = self._take(operator)
         pressed = new and self._button.press(operator, self._latch.held_s)
         if operator.stop:
             self._latch.hold(self._known.t_s, Stop.ZERO, "operator stop")
@@ -249,7 +215,10 @@ class Guard:
         return new
 
     def _rearm(self, t_s: float) -> None:
-        """End the hold, unless the last re-arm was just now, or what must speak is silent: the chair would be held again."""
+        """End the hold, and start all timeouts and monitors again; the chair stands until a new command arrives.
+
+        Not if the last re-arm was just now, or what must speak is silent: the chair would be held again.
+        """
         silent = (monitor.cause(self._known) for monitor in self._watches.values() if isinstance(monitor, Silence))
         against = next((cause for cause in silent if cause is not None), None)
         if t_s - self._known.rearmed_s < AGAIN_S:
@@ -258,13 +227,6 @@ class Guard:
             self._latch.report(t_s, "rearm_refused", against)
             return
         self._latch.release(t_s)
-        self._restart(t_s)
-
-    def _restart(self, t_s: float) -> None:
-        """Start all timeouts and monitors again.
-
-        The chair stands until a new command arrives; proposals from before the hold are discarded.
-        """
         self._known.rearmed_s = t_s
         self._stand(t_s)
         self._admission.stamps.restart()
@@ -279,9 +241,9 @@ class Guard:
         After a change the chair stands until a new command of the source arrives.
         """
         plan = self._known.plan
-        under_way = self._config.has_planner if plan is None else plan.phase not in ENDS
+        under_way = self.config.has_planner if plan is None else plan.phase not in ENDS
         velocity = None if under_way else self._velocity
-        if velocity is not None and t_s - velocity.t_s > self._config.driver_timeout_s:
+        if velocity is not None and t_s - velocity.t_s > self.config.driver_timeout_s:
             velocity = None
         source: CommandSource = "driver" if velocity is None else "velocity"
         if source != self.source:
@@ -289,7 +251,7 @@ class Guard:
             self._latch.report(t_s, "source", "the driver" if velocity is None else "velocity commands: no traversal is under way")
             self._stand(t_s)
         if velocity is not None:
-            half_m_s = 0.5 * velocity.turn_rad_s * self._config.gauge_m
+            half_m_s = 0.5 * velocity.turn_rad_s * self.config.gauge_m
             speed = velocity.speed_m_s
             self._propose_belts(TrackCommand(t_s=velocity.t_s, left_m_s=speed - half_m_s, right_m_s=speed + half_m_s), "velocity")
 
@@ -313,10 +275,10 @@ class Guard:
         if not finite(command.rate_m_s):
             self._latch.hold(self._known.t_s, Stop.BRAKE, "seat rate is not finite")
             return
-        limit = self._config.seat_rate_m_s or 0.0
+        limit = self.config.seat_rate_m_s or 0.0
         plan = self._known.plan
-        if plan is not None and plan.phase in STEADY and abs(self._seat_rad) <= self._config.level_rad:
-            limit = min(limit, self._config.seat_steady_m_s)
+        if plan is not None and plan.phase in STEADY and abs(self._seat_rad) <= self.config.level_rad:
+            limit = min(limit, self.config.seat_steady_m_s)
         rate_m_s = min(max(command.rate_m_s, -limit), limit)
         self._seat_command = command if rate_m_s == command.rate_m_s else replace(command, rate_m_s=rate_m_s)
 
@@ -334,12 +296,12 @@ class Guard:
         command = None if plan is None or not self._is_fresh(plan.t_s, t_s) else plan.flipper
         if command is None:
             return None
-        limit = self._config.flipper_rate_rad_s or 0.0
+        limit = self.config.flipper_rate_rad_s or 0.0
         rate_rad_s = 0.0 if self._latch.cause is not None else min(max(command.rate_rad_s, -limit), limit)
         return FlipperCommand(t_s=t_s, rate_rad_s=rate_rad_s)
 
     def _is_fresh(self, commanded_s: float, t_s: float) -> bool:
-        return abs(t_s - commanded_s) <= self._config.ahead_s + ROUNDING_S
+        return abs(t_s - commanded_s) <= self.config.ahead_s + ROUNDING_S
 
     def _tick(self, t_s: float) -> None:
         """Record a tick. Silence cannot be attributed to a source while the guard itself did not run."""
@@ -347,20 +309,20 @@ class Guard:
         if self._t_s is None:
             self._t_s = known.commanded_s = t_s
             for rule in RULES:
-                if rule.applies(self._config) and not rule.is_watched(self._config):
+                if rule.applies(self.config) and not rule.is_watched(self.config):
                     self._latch.report(t_s, *rule.unwatched)
         known.passed_s, self._t_s = t_s - self._t_s, t_s
-        if known.passed_s < -self._config.clock_jump_s:
+        if known.passed_s < -self.config.clock_jump_s:
             self._admission.stamps.restart()  # whoever stamps by the clock that leapt is heard, so that a person can re-arm
         known.same_ticks = known.same_ticks + 1 if known.passed_s == 0.0 else 0
-        if known.passed_s > self._config.silence_s:
+        if known.passed_s > self.config.silence_s:
             for monitor in self._watches.values():
                 if isinstance(monitor, Silence):
                     monitor.excuse(known.passed_s)
 
     def _limited(self, t_s: float) -> TrackCommand:
         """Return the proposal within the limits of heading, phase and speed restrictions."""
-        limits, known, plan = self._config, self._known, self._known.followed
+        limits, known, plan = self.config, self._known, self._known.followed
         late_s = max(known.passed_s, t_s - known.commanded_s)
         restrictions = (monitor.restriction(known) for monitor in self._watches.values())
         restriction = next((restriction for restriction in restrictions if restriction is not None), None)

@@ -99,8 +99,13 @@ class Latch:
         """Append an event."""
         self._events.append(Event(t_s=t_s, name=name, cause=cause))
 
-    def reject(self, t_s: float, cause: str) -> None:
-        """Report a rejected message, of each kind at most once in ``QUIET_S``, with the number of those between."""
+    def reject(self, t_s: float, cause: str | None) -> None:
+        """Report a rejected message, of each kind at most once in ``QUIET_S``, with the number of those between.
+
+        None is not reported.
+        """
+        if cause is None:
+            return
         kind = cause.split(maxsplit=1)[0]
         reported_s, count = self._rejected.get(kind, (-math.inf, 0))
         if t_s - reported_s < QUIET_S:
