@@ -22,8 +22,8 @@ from treadline.core.signals import (
 from treadline.guard import Guard
 
 FRAME_TICKS = 10
-LAG_S = 0.15
-"""Lag of the shipped chair's drives."""
+LAG_S, ACCELERATION_M_S2, BRAKE_M_S2 = 0.15, 4.0, 10.0
+"""Drives of the shipped chair."""
 PROPOSED = (TrackCommand, SeatCommand, VelocityCommand)
 READINGS = ("imu", "belts", "seat", "flipper", "camera", "ground", "operator", "plant")
 
@@ -65,9 +65,10 @@ class Drive:
 
     def move(self) -> None:
         """Let the belts follow their command, and the nosings pass as the belts run, less what slips."""
-        lag = 0.0 if self.passed.brake else math.exp(-TICK_S / LAG_S)
+        brake, most_m_s2 = self.passed.brake, BRAKE_M_S2 if self.passed.brake else ACCELERATION_M_S2
         for side, asked in enumerate((self.passed.left_m_s, self.passed.right_m_s)):
-            self.speeds[side] = asked + (self.speeds[side] - asked) * lag
+            change = (asked - self.speeds[side]) * (1.0 if brake else 1.0 - math.exp(-TICK_S / LAG_S))
+            self.speeds[side] += min(max(change, -most_m_s2 * TICK_S), most_m_s2 * TICK_S)
         driven_m = 0.5 * sum(self.speeds) * TICK_S
         self.travel_m += driven_m
         self.passed_m += driven_m * (1.0 - self.slip)
@@ -80,7 +81,8 @@ class Drive:
 
     def messages(self) -> dict[str, Any]:
         """Return what is said at this tick, by its source."""
-        t_s, ahead_m = self.t_s, self.wall_at_m - self.travel_m
+        t_s, far_m = self.t_s, -self.travel_m if self.guard.config.view == "rear" else self.travel_m
+        ahead_m = self.wall_at_m - far_m
         turn, up = math.sin(0.7 * t_s), FlipperCommand(t_s=t_s, rate_rad_s=0.1)
         said: dict[str, Any] = {
             "operator": OperatorInput(t_s=t_s),
@@ -96,10 +98,14 @@ class Drive:
         if self.seat_m_s is not None:
             said["leveller"] = SeatCommand(t_s=t_s, rate_m_s=self.seat_m_s)
         if self.tick % FRAME_TICKS == 0:
-            ends_m = self.ends_at_m - self.travel_m
+            ends_m = self.ends_at_m - far_m
             said["camera"] = frame(t_s, obstacle_m=ahead_m if 0.6 < ahead_m < 3.5 else None)
             said["ground"] = FreeGround(
-                t_s=t_s, view="front", blind_m=0.8, seen_m=min(max(ends_m, 0.8), 2.5), end_m=ends_m if 0.8 < ends_m < 2.5 else None
+                t_s=t_s,
+                view=self.guard.config.view,
+                blind_m=0.8,
+                seen_m=min(max(ends_m, 0.8), 2.5),
+                end_m=ends_m if 0.8 < ends_m < 2.5 else None,
             )
             said["heading"] = heading(t_s, 0.01 * turn)
             if self.pitch_rad > 0.1:
