@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 from drive import Drive, spoils
-from world import TICK_S, imu
+from world import TICK_S, imu, limits
 
 from treadline.core.angles import DEG
 from treadline.guard._rules import RULES
@@ -279,6 +279,16 @@ def ids(case: Case) -> str:
 
 def test_every_rule_has_a_case() -> None:
     assert {case.rule for case in CASES} == {rule.__name__ for rule in RULES}
+
+
+def test_a_rule_applies_where_its_limits_are_set_and_is_watched_where_blocks_send_what_it_needs() -> None:
+    config = limits(has_planner=True, battery_least_v=22.0, awaits_ground=True, awaits_map=True, awaits_health=True)
+    for rule in RULES:
+        assert rule.is_watched(config), rule
+        for name in rule.needs:
+            assert not rule.applies(replace(config, **{name: None if name == "battery_least_v" else False})), rule
+        unsent = replace(config, **{rule.declared: False}) if rule.declared else config
+        assert (rule.applies(unsent), rule.is_watched(unsent)) == (True, not rule.declared), rule
 
 
 @pytest.mark.parametrize("case", CASES, ids=ids)
