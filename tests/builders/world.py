@@ -138,7 +138,8 @@ def known(config: GuardConfig, *, speed_m_s: float = 0.0, travel_m: float = 0.0,
     travel = BeltTravel(config.silence_s)
     travel.travel_m = travel_m
     asked: dict[str, Any] = {"passed": TrackCommand(t_s=0.0, left_m_s=speed_m_s, right_m_s=speed_m_s)}
-    return Known(frames=FrameMonitor(config), travel=travel, report=lambda *_: None, **asked | values)
+    clock = dict.fromkeys(("t_s", "passed_s", "commanded_s"), 0.0)
+    return Known(frames=FrameMonitor(config), travel=travel, report=lambda *_: None, **asked | clock | values)
 
 
 def truth(t_s: float, **values: float) -> Truth:

@@ -5,7 +5,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from treadline.core.signals import ROUNDING_S, CommandSource, HeadingEstimate, MotionPlan, TrackCommand
@@ -24,17 +24,15 @@ class Known:
     travel: BeltTravel
     report: Callable[[str, str], None]
     """Reports an event: its name and its cause."""
+    t_s: float
+    """Time of the tick."""
+    passed_s: float
+    """Time since the previous tick."""
+    commanded_s: float
+    """Time of the latest command of the belts' source."""
     is_reading: bool = False
     """Whether the message that is heard comes from a sensor, not from another block."""
-    t_s: float = 0.0
-    """Time of the tick."""
-    passed_s: float = 0.0
-    """Time since the previous tick."""
-    same_ticks: int = 0
-    """Number of ticks since then at one time."""
-    commanded_s: float = 0.0
-    """Time of the latest command of the belts' source."""
-    passed: TrackCommand = field(default_factory=lambda: TrackCommand.stop(0.0))
+    passed: TrackCommand
     """Command that the belts have; within a tick, before its causes are asked for, the one that they would get."""
     plan: MotionPlan | None = None
     """Newest plan."""

@@ -16,10 +16,16 @@ class Pace(Monitor):
 
     rows = "11"
 
+    def __init__(self, config: GuardConfig) -> None:
+        super().__init__(config)
+        self._same_ticks = 0
+        """Number of ticks at one time."""
+
     def cause(self, known: Known) -> str | None:
-        """Return what is late, or None."""
+        """Return what is late, or None; asked once a tick."""
         limits, command_s = self._config, known.t_s - known.commanded_s
-        if known.same_ticks * TICK_S > limits.silence_s:
+        self._same_ticks = self._same_ticks + 1 if known.passed_s == 0.0 else 0
+        if self._same_ticks * TICK_S > limits.silence_s:
             return f"mission clock stands still at {known.t_s:.2f} s"
         if known.passed_s < -limits.clock_jump_s:
             return f"mission clock leapt by {known.passed_s:+.2f} s"

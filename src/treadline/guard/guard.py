@@ -67,6 +67,10 @@ class Guard:
             frames=self._admission.frames,
             travel=self._admission.travel,
             report=lambda name, cause: self._latch.report(self._known.t_s, name, cause),
+            passed=TrackCommand.stop(0.0),
+            t_s=0.0,
+            passed_s=0.0,
+            commanded_s=0.0,
         )
         self._watches = {rule: rule(config) for rule in RULES if rule.is_watched(config)}
         self._hearers: dict[type, list[Monitor]] = defaultdict(list)
@@ -314,7 +318,6 @@ class Guard:
         known.passed_s, self._t_s = t_s - self._t_s, t_s
         if known.passed_s < -self.config.clock_jump_s:
             self._admission.stamps.restart()  # whoever stamps by the clock that leapt is heard, so that a person can re-arm
-        known.same_ticks = known.same_ticks + 1 if known.passed_s == 0.0 else 0
         if known.passed_s > self.config.silence_s:
             for monitor in self._watches.values():
                 if isinstance(monitor, Silence):

@@ -43,8 +43,6 @@ TILT_RAD = 5.0 * DEG
 SHARE = 0.4
 """Share of the commanded speed above which a belt moves, and of the kinematic turn above which the chair turns: half of the 0.79
 that tracks turn on a floor (guard, level share); lifted ones do not turn at all."""
-NO_HEADING = {"disagreement_rad": 0.0, "unseen_s": 0.0, "bias_rad_s": 0.0, "scale": 1.0, "walk_rad_rts": 0.0}
-"""Values of a ``HeadingHealth`` without a heading."""
 
 
 class BenchSession:
@@ -103,6 +101,7 @@ class BenchSession:
 
     def _watch_gyro(self, readings: Sequence[Any]) -> None:
         """Report to the guard whether the gyro is frozen, by the rule of the heading filter: on the bench no filter runs."""
+        no_heading = {"disagreement_rad": 0.0, "unseen_s": 0.0, "bias_rad_s": 0.0, "scale": 1.0, "walk_rad_rts": 0.0}
         for reading in readings:
             match reading:
                 case TrackReading():
@@ -111,7 +110,7 @@ class BenchSession:
                     stuck_s = self._gyro.stuck_s(reading)
                     fault: HeadingFault | None = "stuck" if stuck_s > 0.0 else None
                     found_s = t_s - stuck_s + StuckRule().for_s
-                    self._client.on_message(HeadingHealth(t_s=t_s, fault=fault, since_s=found_s, cause=None, **NO_HEADING))
+                    self._client.on_message(HeadingHealth(t_s=t_s, fault=fault, since_s=found_s, cause=None, **no_heading))
 
     def settled(self, left_m_s: float, right_m_s: float, for_s: float) -> list[Any]:
         """Drive for a time [s], or until the guard holds; return the readings after the first ``SETTLE_S``."""
