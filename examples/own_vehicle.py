@@ -6,9 +6,9 @@ from tempfile import TemporaryDirectory
 
 import treadline as tl
 from treadline.core.errors import SettingsError
-from treadline.scenario.shipped_files import chair_file
+from treadline.scenario.shipped_files import CHAIRS
 
-text = chair_file("wheelchair").read_text(encoding="utf-8")
+text = (CHAIRS / "wheelchair.toml").read_text(encoding="utf-8")
 text = re.sub(r'^name = ".*"', 'name = "long-chair"', text, flags=re.MULTILINE)
 text = re.sub(r"^flat_run_m = .*", "flat_run_m = 1.10", text, flags=re.MULTILINE)
 

@@ -23,7 +23,7 @@ from treadline.run.resolve import checked as check
 from treadline.run.resolve import mission_config, resolve
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair, Scenario
-from treadline.scenario.shipped_files import chair_file, shipped_controller
+from treadline.scenario.shipped_files import CHAIRS, shipped_controller
 from treadline.vehicle.bodies import centre_of_mass, payload_place, vehicle
 from treadline.vehicle.loading import Loading
 from treadline.vehicle.sdf import sdf_model
@@ -37,7 +37,7 @@ def robot(tmp_path: Path) -> Callable[..., Path]:
     """Write a shipped chair without its seat; the name stays where the shipped controller is to be used."""
 
     def write(*, model: str = "wheelchair", name: str = "wheelchair", payload: str = PAYLOAD) -> Path:
-        tables = re.split(r"(?m)^(?=\[)", chair_file(model).read_text(encoding="utf-8"))
+        tables = re.split(r"(?m)^(?=\[)", (CHAIRS / f"{model}.toml").read_text(encoding="utf-8"))
         text = "".join(table for table in tables if not table.startswith("[seat]"))
         text = re.sub(r'(?m)^name = ".*"', f'name = "{name}"', text)
         path = tmp_path / "robot.toml"
@@ -75,7 +75,7 @@ def test_bodies_weigh_as_much_and_balance_as_the_check_assumes(robot: Callable[.
 
 
 def test_a_chair_file_gives_the_payload_one_place(robot: Callable[..., Path], tmp_path: Path) -> None:
-    whole = chair_file("wheelchair").read_text(encoding="utf-8")
+    whole = (CHAIRS / "wheelchair.toml").read_text(encoding="utf-8")
     (tmp_path / "both.toml").write_text(whole + "\n" + PAYLOAD, encoding="utf-8")
     with pytest.raises(SettingsError, match="give seat or payload, not both"):
         read_chair(str(tmp_path / "both.toml"))

@@ -14,7 +14,7 @@ from treadline.core.angles import DEG
 from treadline.core.camera_images import BASELINES_M, DepthSensor, PinholeCamera
 from treadline.core.errors import SettingsError
 from treadline.core.settings import Settings, parse_toml, read_toml, settings_of
-from treadline.scenario.shipped_files import camera_path
+from treadline.scenario.shipped_files import CAMERAS, file_named
 
 Positive = Annotated[float, Field(gt=0.0)]
 AT_THE_EDGE = 0.02
@@ -196,7 +196,7 @@ def read_camera(path: Path) -> CameraFile:
         SettingsError: If the file is missing or invalid.
     """
     is_name = str(path) in BASELINES_M and not path.exists()
-    return read_toml(camera_path(str(path)) if is_name else path, CameraFile)
+    return read_toml(file_named(str(path), CAMERAS) if is_name else path, CameraFile)
 
 
 def calibration_in(camera: object) -> CameraFile:
@@ -217,7 +217,7 @@ def calibration_in(camera: object) -> CameraFile:
 
 @cache
 def _kind(name: str) -> dict[str, Any]:
-    return parse_toml(camera_path(name))
+    return parse_toml(file_named(name, CAMERAS))
 
 
 KINECT_1 = read_camera(Path("kinect1"))

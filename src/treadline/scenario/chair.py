@@ -15,7 +15,7 @@ from treadline.core.errors import SettingsError
 from treadline.core.settings import Pairs, Settings, read_toml
 from treadline.core.signals import TICK_S
 from treadline.scenario.camera_file import KINECT_1, CameraFile, Degrees, read_camera
-from treadline.scenario.shipped_files import chair_file
+from treadline.scenario.shipped_files import CHAIRS, file_named
 
 GRAVITY_M_S2 = 9.81
 """Acceleration of gravity [m/s²]."""
@@ -396,7 +396,7 @@ def read_chair(model: str) -> ChairDescription:
     Raises:
         SettingsError: If no such chair exists, or the file is invalid.
     """
-    path = chair_file(model)
+    path = file_named(model, CHAIRS)
     chair = read_toml(path, ChairDescription)
     mounts = {"camera": chair.camera, "rear_camera": chair.rear_camera}
     calibrated = {

@@ -14,7 +14,7 @@ from treadline.scenario.camera_file import read_camera
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.faults import Fault
 from treadline.scenario.operator_actions import OperatorAct, act_problem
-from treadline.scenario.shipped_files import CAMERAS, CHAIRS, DATA, camera_path, chair_file
+from treadline.scenario.shipped_files import CAMERAS, CHAIRS, DATA, file_named
 from treadline.scenario.sill import Sill, sill_problem
 from treadline.scenario.stair import Stair, StepOverride, step_problem
 
@@ -288,7 +288,7 @@ class Scenario(Printable, Settings):
         chair = read_chair(self.chair.model)
         if self.sensors.camera_name == "kinect1":
             return chair
-        device = read_camera(camera_path(self.sensors.camera_name))
+        device = read_camera(file_named(self.sensors.camera_name, CAMERAS))
         ahead = "rear_camera" if self.drive.direction == "down" else "camera"
         mounts = [mount for mount in ("camera", "rear_camera") if getattr(chair, mount) is not None]
         lens = {"calibration": device, "file": None}
@@ -359,8 +359,8 @@ def scenario_of(tables: Mapping[str, object], path: Path, *, where: str) -> Scen
     scenario = settings_of(tables, Scenario, where=where, file=path if where == str(path) else None)
     sensors = scenario.sensors
     try:
-        chair = chair_file(scenario.chair.model, path.parent)
-        camera = camera_path(sensors.camera_name, path.parent)
+        chair = file_named(scenario.chair.model, CHAIRS, path.parent)
+        camera = file_named(sensors.camera_name, CAMERAS, path.parent)
     except SettingsError as error:
         raise SettingsError(f"{where}: {error}") from None
     own = {} if chair.parent == CHAIRS else {"chair": {"model": str(chair)}}

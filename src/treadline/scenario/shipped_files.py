@@ -3,7 +3,6 @@
 A controller is shipped for each vehicle: one JSON file, made by ``examples/make_controller.py``.
 """
 
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,35 +13,22 @@ if TYPE_CHECKING:
 
 DATA = Path(__file__).parents[1] / "data"
 CHAIRS, CAMERAS, CONTROLLERS = DATA / "chairs", DATA / "cameras", DATA / "controllers"
+KEYS = {CHAIRS: "chair.model", CAMERAS: "sensors.camera"}
+"""Key of a scenario that names a file, by the folder of the shipped ones."""
 
 
-def chair_file(model: str, *folders: Path) -> Path:
-    """Return the path of a chair file.
+def file_named(name: str, shipped_in: Path, *folders: Path) -> Path:
+    """Return the path of a chair's or camera's file.
 
     Args:
-        model: Name of a shipped chair, or path of a TOML file.
+        name: Name of a shipped one, or path of a TOML file.
+        shipped_in: ``CHAIRS`` or ``CAMERAS``.
         folders: Folders in which a relative path is sought first.
 
     Raises:
         SettingsError: If there is none.
     """
-    return _found("chair.model", CHAIRS, model, folders)
-
-
-def camera_path(camera: str, *folders: Path) -> Path:
-    """Return the path of a camera file.
-
-    Args:
-        camera: Name of a shipped camera, or path of a TOML file.
-        folders: Folders in which a relative path is sought first.
-
-    Raises:
-        SettingsError: If there is none.
-    """
-    return _found("sensors.camera", CAMERAS, camera, folders)
-
-
-def _found(key: str, shipped_in: Path, name: str, folders: tuple[Path, ...]) -> Path:
+    key = KEYS[shipped_in]
     if Path(name).suffix == ".toml":
         places = [*(folder / name for folder in folders), Path(name)]
         found = next((place for place in places if place.exists()), None)
@@ -50,18 +36,13 @@ def _found(key: str, shipped_in: Path, name: str, folders: tuple[Path, ...]) -> 
             looked = ", ".join(dict.fromkeys(str(place) for place in places))
             raise SettingsError(f"{key}: no file '{name}' (looked for {looked}); correct the path")
         return found
-    shipped = _shipped(shipped_in)
+    shipped = {found.stem: found for found in shipped_in.glob("*.toml")}
     if name not in shipped:
         meant = closest(name, shipped)
         remedy = "or give a path to a .toml" if meant is None else f"did you mean '{meant}'?"
         kind = shipped_in.name.removesuffix("s")
         raise SettingsError(f"{key}: no shipped {kind} {name!r} (shipped: {', '.join(sorted(shipped))}); {remedy}")
     return shipped[name]
-
-
-@cache
-def _shipped(folder: Path) -> dict[str, Path]:
-    return {found.stem: found for found in folder.glob("*.toml")}
 
 
 def shipped_controller(vehicle: str) -> "ControllerDesign":
