@@ -44,7 +44,8 @@ def measured_response(
     kept = [span for span in spans if len(span) >= 2 * length]
     if length < SEGMENT_LEAST:
         return None
-    suu, syu, syy = (np.sum(parts, axis=0) for parts in zip(*(_spectra(span, length) for span in kept), strict=True))
+    spectra, m = np.sum([_spectra(span, length) for span in kept], axis=0), records[0].u.shape[1]
+    suu, syu, syy = spectra[:, :m, :m], spectra[:, m:, :m], np.einsum("wpp->wp", spectra[:, m:, m:]).real
     omega = 2.0 * math.pi * np.fft.rfftfreq(length)
     with np.errstate(divide="ignore", invalid="ignore"):
         G = syu @ np.linalg.pinv(suu, rcond=1e-6, hermitian=True)
@@ -61,29 +62,23 @@ def _longest_whole(record: InputOutputRecord) -> InputOutputRecord:
     return part(record, start, stop)
 
 
-def _spectra(
-    record: InputOutputRecord, length: int
-) -> tuple[Complex[np.ndarray, "w m m"], Complex[np.ndarray, "w p m"], Float[np.ndarray, "w p"]]:
-    """Return the spectra of inputs, of outputs with inputs, and of outputs: Hann windows, half overlapping, means removed."""
-    z = np.hstack([record.u, record.y])
-    windows = np.lib.stride_tricks.sliding_window_view(z, length, axis=0)[:: max(length // 2, 1)]
-    m, frequencies, window = record.u.shape[1], length // 2 + 1, np.hanning(length)
-    cross = np.zeros((frequencies, z.shape[1], z.shape[1]), dtype=complex)
-    for part_of_z in windows:
-        Z = np.fft.rfft((part_of_z - part_of_z.mean(axis=-1, keepdims=True)) * window, axis=-1).T
-        cross += Z[:, :, None] * Z[:, None, :].conj()
-    return cross[:, :m, :m], cross[:, m:, :m], np.einsum("wpp->wp", cross[:, m:, m:]).real
+def _spectra(record: InputOutputRecord, length: int) -> Complex[np.ndarray, "w c c"]:
+    """Return the cross spectra of inputs and outputs, summed over half overlapping Hann windows without their means."""
+    from scipy.signal import csd  # half a second to import
+
+    z, overlap = np.hstack([record.u, record.y]).T, length // 2
+    _, mean = csd(z[None], z[:, None], window="hann", nperseg=length, noverlap=overlap)
+    return np.moveaxis(mean, -1, 0) * ((len(record) - overlap) // (length - overlap))
 
 
 def correlation(a: Float[np.ndarray, " T"], b: Float[np.ndarray, " T"], lags: int) -> Float[np.ndarray, " k"]:
     """Return the correlation of ``a[t]`` with ``b[t - lag]`` for lags ``-lags … lags``; missing samples count as mean."""
+    from scipy.signal import correlate
+
     first, second = _centred(a), _centred(b)
     size = math.sqrt(float(first @ first) * float(second @ second))
-    if size == 0.0:
-        return np.zeros(2 * lags + 1)
-    ahead = [float(first[lag:] @ second[: len(second) - lag]) for lag in range(lags + 1)]
-    behind = [float(first[: len(first) - lag] @ second[lag:]) for lag in range(lags, 0, -1)]
-    return np.array(behind + ahead) / size
+    middle = len(first) - 1
+    return correlate(first, second)[middle - lags : middle + lags + 1] / (size or 1.0)
 
 
 def _centred(values: Float[np.ndarray, " T"]) -> Float[np.ndarray, " T"]:
