@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from page_text import unpacked
 
 from treadline.playback import Recording
-from treadline.report._html import packed
 from treadline.report._player_data import scene_of, uniform
+from treadline.report.html_pages import packed
 from treadline.report.player_page import write_player
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair

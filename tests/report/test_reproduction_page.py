@@ -10,7 +10,7 @@ import pytest
 from treadline.core.errors import SettingsError
 from treadline.core.printing import p_text
 from treadline.report import write_report
-from treadline.report._html import ratio
+from treadline.report.html_pages import ratio
 
 from .conftest import write_run
 from .pages import with_pages

@@ -39,15 +39,15 @@ def write_page(
         drawn: Columns that are not scores.
         views: Side views of the worst runs as SVG, by run index.
     """
-    from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
+
+    from treadline.report.html_pages import page_of
 
     shown = [flat(row) for row in islice(rows, BLOCK)]
     found = frontier_of(shown, drawn)
-    engine = Environment(
-        loader=PackageLoader("treadline.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    page = engine.get_template("sweep.html.j2").render(
+    page = page_of(
+        "sweep.html.j2",
+        {},
         summary=summary,
         times=times,
         shown=len(shown),

@@ -2,7 +2,8 @@
 
 Contract: ``write_report`` here; ``player_page.write_player`` for one recording; ``identification_page``, which loads no other
 page; ``run_figure.single_run``; ``side_view.SideViews`` and its silhouettes; ``comparison`` for the published figures; ``labels``
-and ``answers`` for the words that campaign and live view share with the pages; ``svg_figures`` for the drawings of the documents.
+and ``answers`` for the words that campaign and live view share with the pages; ``html_pages`` for the rendering of every page;
+``svg_figures`` for the drawings of the documents.
 """
 
 from collections.abc import Callable, Sequence

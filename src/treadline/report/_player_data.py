@@ -14,7 +14,7 @@ from jaxtyping import Float, Int
 from treadline.core.angles import DEG
 from treadline.core.signals import TICK_S
 from treadline.playback import Recording
-from treadline.report._html import packed, packed_indices
+from treadline.report.html_pages import packed, packed_indices
 from treadline.report.plot_table import PLOTS, Plot, phase_colour
 from treadline.scenario.scenario import Belts, Chair
 from treadline.vehicle.appearance import BeltPath, MeshPart, body_poses, chair_parts, lug_part, lug_poses, stair_parts

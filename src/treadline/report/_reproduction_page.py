@@ -24,10 +24,10 @@ from treadline.core.arrays import markov_parameters
 from treadline.core.errors import LogFormatError, SettingsError, TreadlineError
 from treadline.io.runs import COMPLETED, LOG
 from treadline.playback import Recording, read_recording
-from treadline.report._html import in_base64
 from treadline.report._results import PAPER_FRICTION, Cell, Impulse, ModelFigures, Results, Steered, Straight, Turn, read_part
 from treadline.report._run_page import checked_series, write_page, write_run_page
 from treadline.report.comparison import IMPULSE_S, answer, comparisons
+from treadline.report.html_pages import in_base64
 from treadline.report.labels import run_words
 from treadline.report.player_page import write_player
 from treadline.report.side_view import SideViews

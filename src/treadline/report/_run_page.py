@@ -17,8 +17,8 @@ from treadline.core.errors import SettingsError
 from treadline.core.files import write_whole
 from treadline.io.runs import read_series, read_walk
 from treadline.playback import Recording, read_recording
-from treadline.report._html import page_of
 from treadline.report._results import Manifest, RunResult, read_part
+from treadline.report.html_pages import page_of
 from treadline.report.labels import score_groups
 from treadline.report.player_page import embedded, player_data
 from treadline.report.run_figure import single_run

@@ -24,7 +24,7 @@ from treadline.identification import IdentificationReport
 from treadline.identification.stabilisation import StabilisationDiagram
 from treadline.report import _model_figures as figures
 from treadline.report import _model_runs as runs
-from treadline.report._html import page_of
+from treadline.report.html_pages import page_of
 from treadline.report.labels import channel
 from treadline.report.svg_figures import short_svg
 

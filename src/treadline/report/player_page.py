@@ -32,9 +32,9 @@ from treadline.playback import (
     pixels_of,
     read_frames,
 )
-from treadline.report._html import TEMPLATES, in_base64, json_in_page, packed, page_of
 from treadline.report._player_data import plots_of, scene_of, uniform
 from treadline.report.answers import moments_of
+from treadline.report.html_pages import TEMPLATES, in_base64, json_in_page, packed, page_of
 from treadline.report.labels import PHASES, TERMS
 from treadline.report.plot_table import SIGNS
 from treadline.vehicle.comfort import SETTLED_RAD

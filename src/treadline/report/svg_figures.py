@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatterSciNotation, NullFormatter
 from matplotlib.transforms import BboxBase
 
-from treadline.report._html import TEMPLATES
+from treadline.report.html_pages import TEMPLATES
 
 BLUE, ORANGE, GREEN, RED, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#777777"
 WIDTH_IN = 8.0
