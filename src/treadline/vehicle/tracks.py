@@ -50,15 +50,11 @@ def road_wheels(tracks: Tracks) -> tuple[Float[np.ndarray, " n"], Float[np.ndarr
     return np.linspace(-half_m, half_m, tracks.road_wheels), stiffness
 
 
-def in_line_m(chair: ChairDescription) -> float:
-    """Return the length of the approach section that lies in the plane of the flat run [m].
+def track_on_stair_m(chair: ChairDescription) -> float:
+    """Return the length of the track in the nosing plane [m]: the flat run, and the section in line with it.
 
     A flipper always reaches that angle (its range includes 0°); a fixed section does only if it is built at 0°.
     """
     tracks = chair.tracks
-    return tracks.approach_m if chair.flipper is not None or tracks.approach_angle_deg == 0.0 else 0.0
-
-
-def track_on_stair_m(chair: ChairDescription) -> float:
-    """Return the length of the track in the nosing plane [m]: the flat run, and the section in line with it."""
-    return chair.tracks.flat_run_m + in_line_m(chair)
+    is_in_line = chair.flipper is not None or tracks.approach_angle_deg == 0.0
+    return tracks.flat_run_m + (tracks.approach_m if is_in_line else 0.0)

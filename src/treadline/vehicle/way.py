@@ -201,20 +201,9 @@ class WayTable:
             drops.append(float(self._cost[node, move, 1]))
             node = int(self._leads[node, move])
             nodes.append(node)
-        wide = self.angles_rad.size
-        at = self.chair.at
-        poses = [
-            at(
-                self.ground,
-                float(self.places_m[n // (wide * BRANCHES)]),
-                (float(self.angles_rad[n // BRANCHES % wide]),),
-                float(self._pitch[n]),
-            )
-            for n in nodes
-        ]
-        return PlannedWay(
-            poses=tuple(poses), drops_m=np.array(drops), unknown_m=self._state[nodes, 1], cost_s=float(self._to_go[nodes[0]])
-        )
+        states = [self.state(number) for number in nodes]
+        poses = tuple(self.chair.at(self.ground, state.x_m, (state.angle_rad,), state.pitch_rad) for state in states)
+        return PlannedWay(poses=poses, drops_m=np.array(drops), unknown_m=self._state[nodes, 1], cost_s=states[0].to_go_s)
 
 
 def find_way(
