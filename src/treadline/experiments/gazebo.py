@@ -13,11 +13,10 @@ from typing import Any
 import numpy as np
 
 from treadline.core.files import write_json
-from treadline.core.models import ControllerDesign
 from treadline.core.printing import plain
 from treadline.experiments import _fig08_to_fig10
-from treadline.experiments._fig08_to_fig10 import ExciteJob, Recorded
-from treadline.experiments._job_pool import JobPool, RunJob
+from treadline.experiments._fig08_to_fig10 import Recorded
+from treadline.experiments._job_pool import JobPool
 from treadline.experiments.plan import CONTROLLER_GROUND, PAPER_FRICTION, ReproducePlan, excitation, without_images
 from treadline.experiments.reproduce import Reporter, excitations, learn
 from treadline.io.runs import provenance
@@ -86,10 +85,14 @@ def _paper_in(plan: ReproducePlan, out: Path, open_plant: PlantName, *, workers:
         progress.done(f"{open_plant} {what}")
 
     runs = out / "runs"
+    here: dict[str, Any] = {"image_every": 0, "open_plant": open_plant}
+    excited = without_images(excitation(CONTROLLER_GROUND))
     with JobPool(workers, report) as pool:
-        recordings: list[Recorded] = pool.begin(_excitations(plan, runs, open_plant))()
+        recordings: list[Recorded] = pool.begin([replace(job, scenario=excited, **here) for job in excitations(plan, runs)])()
         controller, fig08_by_ground = learn(plan, recordings, out)
-        results = pool.begin(_drives(plan, controller, runs, open_plant))()
+        straight = [job for steered in (controller, None) for job in _fig08_to_fig10.straight_jobs(plan, steered, runs)]
+        drives = [*straight, *_fig08_to_fig10.turn_jobs(plan, controller, runs)]
+        results = pool.begin([replace(job, scenario=without_images(job.scenario), **here) for job in drives])()
     turns = [result for result in results if result["kind"] == "turn"]
     values: dict[str, Any] = {
         "fig08": fig08_by_ground[CONTROLLER_GROUND],
@@ -100,17 +103,3 @@ def _paper_in(plan: ReproducePlan, out: Path, open_plant: PlantName, *, workers:
     }
     write_json(out / "results.json", values)
     return values
-
-
-def _excitations(plan: ReproducePlan, runs: Path, open_plant: PlantName) -> list[ExciteJob]:
-    ground = without_images(excitation(CONTROLLER_GROUND))
-    return [replace(job, scenario=ground, image_every=0, open_plant=open_plant) for job in excitations(plan, runs)]
-
-
-def _drives(plan: ReproducePlan, controller: ControllerDesign, runs: Path, open_plant: PlantName) -> list[RunJob]:
-    jobs = [
-        *_fig08_to_fig10.straight_jobs(plan, controller, runs),
-        *_fig08_to_fig10.straight_jobs(plan, None, runs),
-        *_fig08_to_fig10.turn_jobs(plan, controller, runs),
-    ]
-    return [replace(job, scenario=without_images(job.scenario), image_every=0, open_plant=open_plant) for job in jobs]

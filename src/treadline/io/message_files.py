@@ -12,6 +12,7 @@ import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, cast
 
 import zstandard
@@ -62,25 +63,13 @@ def _plain(data: bytes) -> bytes:
     return inflate_zstd(data, size)
 
 
-class _Mapped:
-    """Path object for rosbags; the map limits every read to the file size, whatever a damaged header declares."""
-
-    def __init__(self, data: mmap.mmap) -> None:
-        self._data = data
-
-    def exists(self) -> bool:
-        return True
-
-    def open(self, _mode: str) -> mmap.mmap:
-        return self._data
-
-
 def _bag_messages(path: Path, wants: Callable[[str], bool]) -> Iterator[Packet]:
     """Yield the messages of the requested topics of a ROS 1 bag, in order of time."""
     from rosbags.rosbag1 import Reader
 
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        reader = Reader(cast("Any", _Mapped(data)))
+        # In place of a path: the map limits every read to the file size, whatever a damaged header declares.
+        reader = Reader(cast("Any", SimpleNamespace(exists=lambda: True, open=lambda _mode: data)))
         with reader:
             reader.chunks = {at: chunk._replace(decompressor=_capped(chunk.decompressor)) for at, chunk in reader.chunks.items()}
             topics = {
