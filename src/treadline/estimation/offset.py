@@ -94,8 +94,8 @@ class OffsetEstimator:
     def _correct(self, seen: HeadingMeasurement) -> None:
         if not (math.isfinite(seen.t_s) and math.isfinite(seen.heading_rad) and seen.t_s > self._frame_s):
             return
-        yaw = self._yaw_at(seen.t_s)
-        if yaw is None:
+        t_s, yaw = min(self._yaws, key=lambda sample: abs(sample[0] - seen.t_s), default=(-math.inf, 0.0))
+        if abs(t_s - seen.t_s) > PAIRED_S:  # no IMU sample near the time of the frame
             return
         self._frame_s = seen.t_s
         if self._offset is not None and abs(wrap(seen.heading_rad - wrap(yaw + self._offset))) > self._rule.jump_rad:
@@ -103,8 +103,3 @@ class OffsetEstimator:
             return
         self._offset = heading_offset(seen.heading_rad, yaw)
         self._seen_s = seen.t_s
-
-    def _yaw_at(self, t_s: float) -> float | None:
-        """Return the IMU yaw at the time of a frame, or None if no stored sample is close enough."""
-        nearest = min(self._yaws, key=lambda yaw: abs(yaw[0] - t_s), default=None)
-        return None if nearest is None or abs(nearest[0] - t_s) > PAIRED_S else nearest[1]

@@ -46,17 +46,15 @@ def thresholds(grey: UInt8[np.ndarray, "h w"], rule: ThresholdRule) -> tuple[flo
         upper = float(cv2.threshold(grey, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)[0])
         return 0.5 * upper, upper
     if rule in ("rosin", "mad"):
-        gradient = _gradient(grey)
-        upper = _rosin(gradient) if rule == "rosin" else _far_from_the_median(gradient)
+        # |∂u| + |∂v| by Sobel's masks, the measure that Canny compares with its thresholds.
+        du, dv = (cv2.Sobel(grey, cv2.CV_32F, *order) for order in ((1, 0), (0, 1)))
+        gradient = np.asarray(np.abs(du) + np.abs(dv), dtype=np.float32)
+        middle = float(np.median(gradient))
+        far = middle + DEVIATIONS * max(float(np.median(np.abs(gradient - middle))), 1.0)
+        upper = _rosin(gradient) if rule == "rosin" else far
         return 0.5 * upper, upper
     middle = float(np.median(grey[grey > 0])) if np.any(grey > 0) else 0.0
     return max(0.0, (1.0 - MEDIAN_SPREAD) * middle), min(255.0, (1.0 + MEDIAN_SPREAD) * middle)
-
-
-def _gradient(grey: UInt8[np.ndarray, "h w"]) -> Float32[np.ndarray, "h w"]:
-    """Return |∂u| + |∂v| by Sobel's masks, the measure compared with Canny's thresholds."""
-    du, dv = (cv2.Sobel(grey, cv2.CV_32F, *order) for order in ((1, 0), (0, 1)))
-    return np.asarray(np.abs(du) + np.abs(dv), dtype=np.float32)
 
 
 def _rosin(gradient: Float32[np.ndarray, "h w"]) -> float:
@@ -71,11 +69,6 @@ def _rosin(gradient: Float32[np.ndarray, "h w"]) -> float:
     line = counts[peak] + (counts[last] - counts[peak]) * (places - peak) / (last - peak)
     corner = int(places[int(np.argmax(line - counts[peak : last + 1]))])
     return float(0.5 * (edges[corner] + edges[corner + 1]))
-
-
-def _far_from_the_median(gradient: Float32[np.ndarray, "h w"]) -> float:
-    middle = float(np.median(gradient))
-    return middle + DEVIATIONS * max(float(np.median(np.abs(gradient - middle))), 1.0)
 
 
 def canny(grey: UInt8[np.ndarray, "h w"], rule: ThresholdRule) -> Bool[np.ndarray, "h w"]:
