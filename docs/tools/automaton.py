@@ -12,7 +12,8 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from treadline.mission.traversal import Direction, State, table_of
+from treadline.core.signals import Direction
+from treadline.mission.traversal import State, table_of
 
 WIDTH, BOX, LINE, GAP, LANE = 1160, 250, 17, 16, 12
 LANES = 11

@@ -14,9 +14,9 @@ from stair_world import JUST_TOO_HIGH_M, STEEPER, TICK_S, Spoil, World, rising_b
 from world import RISE_M, RUN_M
 
 from treadline.core.angles import DEG
-from treadline.core.signals import OperatorInput, StairMap
+from treadline.core.signals import Direction, OperatorInput, StairMap
 from treadline.mission import traversal
-from treadline.mission.traversal import EXITS, Direction, Exit, table_of
+from treadline.mission.traversal import EXITS, Exit, table_of
 
 Course = Callable[[World], Any]
 Taken = set[tuple[str, str]]

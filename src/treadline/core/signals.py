@@ -24,6 +24,10 @@ from treadline.core.errors import RecordError, ShapeMismatch
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 """Unit quaternion (w, x, y, z)."""
+Direction = Literal["up", "down"]
+"""Direction of a traversal, or of the flight ahead: rising or falling."""
+SideKind = Literal["wall", "open"]
+"""What follows beyond the side of a flight: a wall or rail, or a drop."""
 
 TICK_S = 0.01
 """Base period of mission and plant [s]: the sample period of the IMU (Table I: 100 Hz)."""
@@ -172,7 +176,7 @@ class StairMap:
     """
 
     t_s: float
-    direction: Literal["up", "down"]
+    direction: Direction
     """Direction of the flight ahead: rising or falling."""
     nosings_B: tuple[Vector, ...]
     """Intersections of the visible nosings with the chair's middle plane (y = 0), nearest first [m]."""
@@ -192,9 +196,9 @@ class StairMap:
     """Distance from the chair's middle plane to the flight's left side [m]; None if it is not in view, which is no width."""
     right_edge_m: float | None = None
     """Distance from the chair's middle plane to the flight's right side [m]; None if it is not in view."""
-    left_side: Literal["wall", "open"] | None = None
+    left_side: SideKind | None = None
     """What follows beyond the left side: a wall or rail, or a drop; None if the side is not in view."""
-    right_side: Literal["wall", "open"] | None = None
+    right_side: SideKind | None = None
     """What follows beyond the right side; None if it is not in view."""
     left_seen_m: float | None = None
     """Distance from the chair's middle plane to which nosings are in view on the left [m], a lower bound of the width; negative if

@@ -15,7 +15,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from treadline.core.signals import ImuSample, Recent, StairMap, TrackReading
+from treadline.core.signals import Direction, ImuSample, Recent, SideKind, StairMap, TrackReading
 from treadline.core.step_sizes import ON_A_FLIGHT_RAD
 from treadline.estimation._nosing_filter import CORRELATED_M, FlightShape, NosingFilter
 from treadline.estimation.known_nosings import KnownNosing, KnownNosings
@@ -88,7 +88,7 @@ class _Side:
     measured: bool = False
     """Whether a map has measured how far nosings are in view."""
     edge_m: float | None = None
-    kind: Literal["wall", "open"] | None = None
+    kind: SideKind | None = None
     count: int = 0
     """Number of consecutive maps with the side that showed it at the same place."""
 
@@ -277,7 +277,7 @@ class StairTracker:
         """Whether maps have shown the end of the flight at the lowest known nosing."""
         return self._end_at(self._known)
 
-    def declare_end(self, direction: Literal["up", "down"]) -> None:
+    def declare_end(self, direction: Direction) -> None:
         """Take the last known nosing in a direction as the end of the flight, by the word of a person."""
         if self._known:
             self._known[-1 if direction == "up" else 0].end_count = KNOWN_AFTER

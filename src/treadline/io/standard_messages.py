@@ -14,6 +14,7 @@ from treadline.core.errors import LogFormatError
 from treadline.core.ports import Truth
 from treadline.core.signals import (
     BUTTONS,
+    Direction,
     Event,
     FlipperCommand,
     FlipperReading,
@@ -200,7 +201,7 @@ def _read_map(message: Any, t_s: float) -> StairMap:
     sides = {name: values.get(f"{name}_open") for name in ("left", "right")}
     more: dict[str, Any] = {f"{name}_side": ("wall", "open")[bool(side)] for name, side in sides.items() if side is not None}
     more |= {name: values.get(name) for name in MAYBE_OF_MAP} | {name: values[name] for name in ("rise_m", "run_m", "slope_rad")}
-    direction = _one_of(Literal["up", "down"], message.header.frame_id)
+    direction = _one_of(Direction, message.header.frame_id)
     return StairMap(t_s=t_s, direction=direction, nosings_B=tuple(places), ends=bool(values["ends"]), **more)
 
 

@@ -6,11 +6,10 @@
 
 import math
 from dataclasses import dataclass
-from typing import Literal
 
 from treadline.control.flipper import OFF_RAD
 from treadline.core.angles import DEG
-from treadline.core.signals import FlipperReading, HeadingEstimate, ImuSample, MotionPlan, Phase, TrackReading
+from treadline.core.signals import Direction, FlipperReading, HeadingEstimate, ImuSample, MotionPlan, Phase, TrackReading
 from treadline.core.step_sizes import ON_A_FLIGHT_RAD
 from treadline.estimation.known_nosings import KnownNosings
 from treadline.estimation.stair_tracker import StairTracker
@@ -37,7 +36,7 @@ from a flight [m]."""
 class Way:
     """Direction of a traversal."""
 
-    direction: Literal["up", "down"]
+    direction: Direction
     """Direction of the flights in view of the camera in use; maps of the other direction are ignored."""
     sign: float
     """Sign of the speed: 1 climbing, -1 backing down."""

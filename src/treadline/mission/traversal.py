@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from treadline.core.signals import HeadingEstimate, MotionPlan, Phase
+from treadline.core.signals import Direction, HeadingEstimate, MotionPlan, Phase
 from treadline.mission import _before_the_flight as before
 from treadline.mission import _on_the_flight as on
 from treadline.mission import _over_the_end as over
@@ -21,9 +21,6 @@ from treadline.mission._situation import WAYS, Situation
 from treadline.mission._situation_tracker import SituationTracker
 from treadline.mission.mission_config import MissionConfig
 from treadline.mission.planner import PlannerInput
-
-Direction = Literal["up", "down"]
-"""Direction of a traversal."""
 
 
 @dataclass(frozen=True, slots=True)

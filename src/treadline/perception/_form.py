@@ -7,19 +7,17 @@ away or nothing. Surfaces that the image or an object cuts off give a bound only
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from treadline.core.camera_images import BASELINES_M, PinholeCamera
+from treadline.core.signals import SideKind
 from treadline.perception import _form_kernels as form_kernels
 from treadline.perception import _plane_segmentation_kernels as surface_kernels
 from treadline.perception._plane_segmentation import JUMP, Ends, PlanarBlocks, Surface
 from treadline.perception._step_parts import Axes
 
-SideKind = Literal["wall", "open"]
-"""What follows beyond the side of a flight."""
 LOOK_SHARE = 24
 """Image width divided by the largest number of columns past a surface's end in which its surroundings are looked for."""
 SAME_SIDE_M = 0.05

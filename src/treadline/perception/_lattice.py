@@ -15,13 +15,13 @@ from treadline.core.angles import DEG
 from treadline.core.arrays import cross
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.rotations import Vector3
+from treadline.core.signals import Direction
 from treadline.perception import _plane_segmentation_kernels as surface_kernels
 from treadline.perception._lattice_kernels import ANY_RISE_M, ANY_RUN_M, SEARCHED_RISE_M, USUAL_RISE_M, USUAL_RUN_M, best_lattice
 from treadline.perception._plane_segmentation import TURN_LIMIT, PlanarBlocks, Surface, surfaces_along
 from treadline.perception._step_parts import (
     LEAST_LEVER,
     Axes,
-    Direction,
     Flight,
     NosingObservation,
     Riser,

@@ -11,11 +11,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from treadline.core.camera_images import PinholeCamera
+from treadline.core.signals import Direction
 from treadline.core.step_sizes import SINGLE_RISE_M
 from treadline.perception._lattice import EVIDENCE, Scene, nosing_of, risers_at, turned_axes, voted_azimuths
 from treadline.perception._plane_segmentation import Line
 from treadline.perception._stair_shape import StairShape
-from treadline.perception._step_parts import TREAD_SIGMA_M, Axes, Direction, Flight, Tread, viewing_direction
+from treadline.perception._step_parts import TREAD_SIGMA_M, Axes, Flight, Tread, viewing_direction
 from treadline.perception.free_ground import DROP_M, FLAT_RAD, LEVEL_SIZE_M
 
 RUN_M = 0.30

@@ -16,13 +16,14 @@ from jaxtyping import Float, Int
 from treadline.core.arrays import cross
 from treadline.core.camera_images import PinholeCamera, StairAxes
 from treadline.core.rotations import Vector3
+from treadline.core.signals import Direction
 from treadline.perception import _plane_segmentation_kernels as surface_kernels
 from treadline.perception._gravity_direction import gravity_variance
 from treadline.perception._lattice_kernels import HIDDEN_SIGMA_M, OVERHANG_SIGMA_M
 from treadline.perception._nuisance import pooled_mean, posterior_weights, stretch_of
 from treadline.perception._nuisance_kernels import normal_equations
 from treadline.perception._plane_segmentation import Ends, PlanarBlocks, Surface
-from treadline.perception._step_parts import Axes, Direction, Flight, axes_about, riser_rows, tread_rows
+from treadline.perception._step_parts import Axes, Flight, axes_about, riser_rows, tread_rows
 from treadline.perception.free_ground import blind_distance_m
 
 IRREGULAR_M = np.geomspace(0.0005, 0.015, 4)

@@ -7,7 +7,6 @@ hides the riser below.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -15,6 +14,7 @@ from jaxtyping import Float
 from treadline.core.arrays import cross
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.rotations import Rotation, Vector3
+from treadline.core.signals import Direction
 from treadline.perception import _plane_segmentation_kernels as surface_kernels
 from treadline.perception._plane_segmentation import Ends, Line, PlanarBlocks, Surface
 
@@ -31,9 +31,6 @@ LEAST_LEVER = 0.17
 """Least component of a line's normal along ahead: a nosing within 10° of the camera height determines a height but no direction."""
 LEVEL_LEAST = 0.2
 """Least horizontal component of the chair's longitudinal axis for the definition of the forward direction."""
-
-Direction = Literal["up", "down"]
-"""Direction of the flight ahead."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

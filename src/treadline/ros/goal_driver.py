@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 
 from treadline.core.errors import SettingsError
 from treadline.core.rotations import rotation_of
-from treadline.core.signals import ImuSample, MotionPlan, Phase, StairMap
+from treadline.core.signals import Direction, ImuSample, MotionPlan, Phase, StairMap
 from treadline.guard import GuardConfig
 from treadline.mission import DriverBlock
 from treadline.mission.belt_controllers import Driver
@@ -65,7 +65,7 @@ class GoalDriverNode(DriverNode):
         """Receives the outcome of the present goal; None without a goal."""
 
     def begin(
-        self, direction: Literal["up", "down"], on_end: Callable[[Outcome], object], speed_m_s: float = 0.0, limit_s: float = 0.0
+        self, direction: Direction, on_end: Callable[[Outcome], object], speed_m_s: float = 0.0, limit_s: float = 0.0
     ) -> None:
         """Begin a traversal.
 

@@ -7,7 +7,6 @@ a detector.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -15,6 +14,7 @@ from jaxtyping import Bool, Float, Int
 from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.rotations import Rotation, Vector3
+from treadline.core.signals import Direction, SideKind
 from treadline.vehicle.staircase import Staircase, Step
 
 NEAR_M, FAR_M = 0.45, 4.0
@@ -41,8 +41,6 @@ END_SHARE = 0.4
 """Least visible fraction of the points at the expected location of the next step."""
 FAR_FIRST_M = 1.2
 """Depth of the nearest nosing above which a stair is seen from the floor before the flight [m]."""
-Direction = Literal["up", "down"]
-"""Direction of the flight ahead."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -53,7 +51,7 @@ class VisibleSide:
     """Distance to which two nosings are in the image [m]."""
     end_m: float
     """Distance to the end of the nosings, where the wall is if there is one [m]."""
-    kind: Literal["wall", "open"]
+    kind: SideKind
     share: float
     """Fraction of the image filled by the wall."""
 
@@ -174,7 +172,7 @@ class Geometry:
             outward = np.where(shown, sign * (self._asides_m - aside_m), -np.inf).max(axis=1)
             seen_m = float(np.sort(outward)[-self._least])
             end_m = 0.5 * self._staircase.width_m - sign * aside_m
-            kind: Literal["wall", "open"] = "wall" if walls in (name, "both") else "open"
+            kind: SideKind = "wall" if walls in (name, "both") else "open"
             sides.append(VisibleSide(seen_m=seen_m, end_m=end_m, kind=kind, share=share))
         return sides[0], sides[1]
 
