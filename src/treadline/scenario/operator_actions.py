@@ -11,9 +11,10 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from treadline.core.settings import Settings
-from treadline.core.signals import ROUNDING_S
+from treadline.core.signals import ROUNDING_S, TICK_S
 
-REPORT_S = 0.1
+REPORT_TICKS = 10
+REPORT_S = REPORT_TICKS * TICK_S
 """Report period of the handset [s]."""
 
 

@@ -24,7 +24,7 @@ from treadline.run.episode import Sink, Traverse, run_episode
 from treadline.run.resolve import Setup, resolve
 from treadline.run.scene_log import WatchedDetector
 from treadline.scenario.faults import Conditions, Fault
-from treadline.scenario.operator_actions import REPORT_S
+from treadline.scenario.operator_actions import REPORT_TICKS
 from treadline.scenario.scenario import Scenario
 from treadline.vehicle.stair_solids import Box
 from treadline.view._images import shown
@@ -33,8 +33,6 @@ from treadline.view._what_if import FOREVER_S
 
 PAUSED_S = 0.02
 """Interval at which a paused simulation looks for commands [s]."""
-REPORT_TICKS = round(REPORT_S / TICK_S)
-"""Report period of the handset [ticks]."""
 
 
 class Stopped(Exception):

@@ -37,12 +37,10 @@ from treadline.core.signals import (
 )
 from treadline.plant.sensors.camera import RenderedFrame
 from treadline.scenario.faults import Fault, FaultKind, Process
-from treadline.scenario.operator_actions import REPORT_S, OperatorAct, does
+from treadline.scenario.operator_actions import REPORT_TICKS, OperatorAct, does
 
 CAMERA_READINGS = (RgbdFrame, FrameQuality, HeadingMeasurement, StairMap, FreeGround)
 """Types of camera readings."""
-HEARTBEAT_TICKS = round(REPORT_S / TICK_S)
-"""Report period of the operator's handset [ticks]."""
 DEPTH_ENOUGH = 0.4
 """Valid fraction of a depth image above which the colours are not evaluated, as in ``perception.quality``."""
 BLOTCH_PX = 12
@@ -229,13 +227,12 @@ class SensorFaults:
     """All sensor faults of a run, in order, and the operator's handset."""
 
     def __init__(self, faults: Sequence[Fault], seed: int, acts: Sequence[OperatorAct] = ()) -> None:
-        active = [SensorFault(fault, seed, place) for place, fault in _numbered(faults) if fault.kind in CORRUPTIONS]
-        self._seed = seed
-        self._sensor_faults = sorted(active, key=_order)
-        self._bursts = [Burst(fault) for fault in faults if fault.kind == "late_tick"]
-        self._acts = acts
-        self._has_operator = bool(acts) or any(fault.kind in OF_THE_HANDSET for fault in faults)
-        self._next_beat = 0
+        self._seed, self._acts = seed, acts
+        self._sensor_faults: list[SensorFault] = []
+        self._bursts: list[Burst] = []
+        self._has_operator, self._next_beat = bool(acts), 0
+        for fault in faults:
+            self.add(fault, 0.0)
 
     def add(self, fault: Fault, t_s: float) -> None:
         """Add a fault at ``t_s`` of a run; the handset reports from then on if the fault concerns the handset."""
@@ -246,7 +243,7 @@ class SensorFaults:
             self._bursts.append(Burst(fault))
         if fault.kind in OF_THE_HANDSET and not self._has_operator:
             self._has_operator = True
-            self._next_beat = math.ceil(t_s / (HEARTBEAT_TICKS * TICK_S) - ROUNDING_S)
+            self._next_beat = math.ceil(t_s / (REPORT_TICKS * TICK_S) - ROUNDING_S)
 
     def deliver(self, t_s: float, readings: list[Reading]) -> list[Reading]:
         """Return the readings delivered to the mission at ``t_s``."""
@@ -259,7 +256,7 @@ class SensorFaults:
         return arrived
 
     def _heartbeat(self, until_s: float) -> Iterator[OperatorInput]:
-        while (t_s := self._next_beat * HEARTBEAT_TICKS * TICK_S) <= until_s + ROUNDING_S:
+        while (t_s := self._next_beat * REPORT_TICKS * TICK_S) <= until_s + ROUNDING_S:
             pressed = {kind: does(self._acts, kind, t_s) for kind in BUTTONS}
             yield OperatorInput(t_s=t_s, dead_man=not does(self._acts, "release", t_s), **pressed)
             self._next_beat += 1
@@ -278,14 +275,6 @@ def blotches(shape: tuple[int, ...], share: float, rng: np.random.Generator) -> 
     coarse = rng.standard_normal((max(height // BLOTCH_PX, 2), max(width // BLOTCH_PX, 2))).astype(np.float32)
     smooth = cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC)
     return np.asarray(smooth < np.quantile(smooth, share))
-
-
-def _numbered(faults: Sequence[Fault]) -> Iterator[tuple[int, Fault]]:
-    """Yield each fault with its index among the faults of its kind."""
-    counts: dict[FaultKind, int] = {}
-    for fault in faults:
-        counts[fault.kind] = counts.get(fault.kind, -1) + 1
-        yield counts[fault.kind], fault
 
 
 def _merged(readings: Sequence[Reading], beats: Sequence[Reading]) -> list[Reading]:
