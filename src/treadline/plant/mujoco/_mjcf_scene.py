@@ -11,7 +11,7 @@ whose edges carry the flat runs of a chair that tips over them.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 
@@ -24,9 +24,9 @@ from treadline.core.rotations import quaternion_of
 from treadline.plant._actuators import FLIPPER_FRICTION_N_M_S_RAD, FLIPPER_LAG_S, FLIPPER_STIFFNESS_N_M_RAD
 from treadline.plant.mujoco.contact import _coulomb_kernels as coulomb
 from treadline.plant.mujoco.contact._parameters import DMAX, DMIN, NOMINAL, WIDTH_M, Physics
-from treadline.scenario.chair import ChairDescription, Flipper
+from treadline.scenario.chair import ChairDescription
 from treadline.scenario.scenario import Chair
-from treadline.vehicle.bodies import HULL_FRICTION, Body, Vehicle, vehicle
+from treadline.vehicle.bodies import HULL_FRICTION, Body, vehicle
 from treadline.vehicle.stair_solids import Box, Solid, stair_solids
 from treadline.vehicle.staircase import Staircase
 from treadline.vehicle.start_pose import Standing
@@ -45,55 +45,42 @@ def seat_stiffness(seat: Body) -> tuple[float, float]:
     return inertia * SEAT_STIFFNESS_RAD_S**2, 2.0 * inertia * SEAT_STIFFNESS_RAD_S
 
 
-def scene_xml(staircase: Staircase, chair: ChairDescription, loading: Chair, physics: Physics = NOMINAL) -> str:
-    """Return the whole scene as MJCF, the chair at the world's origin."""
-    return _scene(stair_solids(staircase), staircase.friction, vehicle(chair, loading), chair.flipper, physics)
-
-
 def model_xml(
     staircase: Staircase | None,
     chair: ChairDescription,
     loading: Chair,
+    physics: Physics = NOMINAL,
     *,
     friction: tuple[float, float],
     start: Standing | None = None,
+    paired: bool = True,
 ) -> str:
-    """Return a scene for export: the chair stands where the scenario starts.
+    """Return a scene as MJCF.
 
     MuJoCo has two coefficients for a pair of geoms alone, across and along its contact frame, whose first tangent is the world's y.
 
     Args:
         staircase: None leaves the chair alone.
         friction: Coefficients along and across the belts.
+        start: Where the chair stands; None: at the world's origin.
+        paired: Whether each pair of geoms states both coefficients, as an export does; the plant sets them at each contact.
     """
-    solids = () if staircase is None else stair_solids(staircase)
-    return _scene(solids, friction, vehicle(chair, loading), chair.flipper, NOMINAL, start=start, paired=True)
-
-
-def _scene(
-    stair: Sequence[Solid],
-    friction: tuple[float, float],
-    chair: Vehicle,
-    flipper: Flipper | None,
-    physics: Physics,
-    *,
-    start: Standing | None = None,
-    paired: bool = False,
-) -> str:
+    stair = () if staircase is None else stair_solids(staircase)
+    parts = vehicle(chair, loading)
     boxes = [placed for number, solid in enumerate(stair) for placed in _boxes(number, solid)]
     nosings = [(f"nosing_{number}", solid.nosing) for number, solid in enumerate(stair) if solid.nosing is not None]
     touched = [(name, kind) for name, kind, _ in boxes] + [(name, "stair") for name, _ in nosings]
-    belts = [shape for body in chair.bodies for shape in body.shapes + body.wheels if shape.belt is not None]
+    belts = [shape for body in parts.bodies for shape in body.shapes + body.wheels if shape.belt is not None]
     return _template().render(
         boxes=boxes,
         nosings=nosings,
         pairs=[(name, belt) for name, kind in touched for belt in belts if belt.meets in (kind, "both")] if paired else (),
         friction=friction,
-        chair=chair,
-        flipper=flipper,
+        chair=parts,
+        flipper=chair.flipper,
         physics=physics,
         start=start,
-        seat_servo=None if chair.seat.hinge is None else seat_stiffness(chair.seat),
+        seat_servo=None if parts.seat.hinge is None else seat_stiffness(parts.seat),
     )
 
 
@@ -142,19 +129,15 @@ def friction_table(model: mujoco.MjModel, staircase: Staircase) -> Float[np.ndar
     table[:, coulomb.MU_LEFT : coulomb.MIDDLE] = (*staircase.friction, *staircase.friction)
     for number, solid in enumerate(stair_solids(staircase)):
         names = [name for name, _, _ in _boxes(number, solid)] + [f"nosing_{number}"] * (solid.nosing is not None)
+        box = solid.box
+        if box.index >= 0:
+            left, right = staircase.steps[box.index].friction
+        else:
+            left = right = staircase.floor_friction if box.kind in ("floor", "sill") else staircase.friction
+        leftward = (-math.sin(box.yaw_rad), math.cos(box.yaw_rad))
         for name in names:
-            table[model.geom(name).id] = _friction_row(solid.box, staircase)
+            table[model.geom(name).id] = (*left, *right, *box.centre_W[:2], *leftward)
     return table
-
-
-def _friction_row(box: Box, staircase: Staircase) -> tuple[float, ...]:
-    x, y, _ = box.centre_W
-    leftward = (-math.sin(box.yaw_rad), math.cos(box.yaw_rad))
-    if box.index >= 0:
-        left, right = staircase.steps[box.index].friction
-    else:
-        left = right = staircase.floor_friction if box.kind in ("floor", "sill") else staircase.friction
-    return (*left, *right, x, y, *leftward)
 
 
 def roughened(table: Float[np.ndarray, "g 8"], friction: float) -> Float[np.ndarray, "g 8"]:

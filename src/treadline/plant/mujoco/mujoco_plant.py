@@ -23,7 +23,7 @@ from treadline.plant import _actuator_lag_and_slew_kernels as drives
 from treadline.plant._actuators import FLIPPER_FRICTION_N_M_S_RAD
 from treadline.plant.faults._damage import OUT_OF_THE_WAY_M, Damage, Surroundings, with_box
 from treadline.plant.mujoco import _step_kernels as kernels
-from treadline.plant.mujoco._mjcf_scene import friction_table, roughened, scene_xml, seat_stiffness
+from treadline.plant.mujoco._mjcf_scene import friction_table, model_xml, roughened, seat_stiffness
 from treadline.plant.mujoco._native import contact_layout, contact_list, load_library, noslip_address, pointer_offsets
 from treadline.plant.mujoco.contact._parameters import NOMINAL, Physics, fit_lugs
 from treadline.plant.sensors._instruments import SUPPORT_TICKS, ChairState, InstrumentedPlant, look
@@ -141,7 +141,8 @@ class MujocoPlant(InstrumentedPlant):
 
     def _build_physics(self, draws: np.random.Generator) -> None:
         load_library()
-        scene = scene_xml(self.staircase, self._chair, self._scenario.chair.leaning(), self._physics)
+        stair, loading = self.staircase, self._scenario.chair.leaning()
+        scene = model_xml(stair, self._chair, loading, self._physics, friction=stair.friction, paired=False)
         if any(fault.kind == "obstacle" for fault in self._scenario.fault):
             scene = with_box(scene)
         self._model = mujoco.MjModel.from_xml_string(scene)
