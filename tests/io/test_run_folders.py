@@ -15,8 +15,8 @@ from treadline.identification.excitation_signal import ExcitationConfig
 from treadline.io import runs
 from treadline.io.mcap_read import read_log
 from treadline.io.records import read_record
-from treadline.io.runs import begin_run, read_series, write_manifest, write_result, write_series
-from treadline.run.excitation_run import INPUTS, OUTPUTS, Excited, excite
+from treadline.io.runs import INPUTS, OUTPUTS, begin_run, read_series, write_manifest, write_result, write_series
+from treadline.run.excitation_run import Excited, excite
 from treadline.scenario.scenario import read_scenario
 
 

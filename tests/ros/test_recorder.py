@@ -9,10 +9,10 @@ from world import estimate
 from treadline.core.errors import SettingsError
 from treadline.core.signals import TrackCommand
 from treadline.io.records import read_record
-from treadline.io.runs import RECORD
+from treadline.io.runs import INPUTS, OUTPUTS, RECORD
 from treadline.ros import channels as on
 from treadline.ros.lockstep import InProcess
-from treadline.ros.recorder import INPUTS, OUTPUTS, RecorderNode, open_bag
+from treadline.ros.recorder import RecorderNode, open_bag
 
 
 @pytest.mark.parametrize(

@@ -37,7 +37,7 @@ def excite(
     from treadline.core.errors import SettingsError
     from treadline.core.signals import TICK_S, on_the_tick
     from treadline.identification.options import fewest_samples
-    from treadline.run.excitation_run import INPUTS, OUTPUTS
+    from treadline.io.runs import INPUTS, OUTPUTS
     from treadline.run.excitation_run import excite as drive
     from treadline.scenario.scenario import read_scenario
 

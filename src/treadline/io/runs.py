@@ -34,6 +34,8 @@ LOG = "log.mcap"
 """File name of the MCAP log."""
 RECORD = "record.csv"
 """File name of the input-output record."""
+INPUTS, OUTPUTS = ("left_m_s", "right_m_s"), ("heading_rad", "yaw_rate_rad_s")
+"""Columns of a record of a drive."""
 MANIFEST = "manifest.json"
 """File name of the manifest."""
 JOURNAL = "journal.jsonl"

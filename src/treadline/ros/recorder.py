@@ -18,7 +18,7 @@ from treadline.io.mcap_log import RunLog
 from treadline.io.message_types import RosMessage, nanoseconds_of, store
 from treadline.io.messages import topic_of
 from treadline.io.records import write_record
-from treadline.io.runs import LOG, RECORD, clear_run
+from treadline.io.runs import INPUTS, LOG, OUTPUTS, RECORD, clear_run
 from treadline.mission.odometry import Odometry
 from treadline.ros import channels as on
 from treadline.ros._codec import messages_on
@@ -87,8 +87,6 @@ def _messages(signal: Any, *, ros1: bool = False) -> list[RosMessage]:
     return messages_on(topic_of(signal) if channel is None else channel, signal, ros1=ros1)
 
 
-INPUTS = ("left_m_s", "right_m_s")
-OUTPUTS = ("heading_rad", "yaw_rate_rad_s")
 Row = tuple[float, float, float, float, float]
 """Time, left and right belt, heading, yaw rate."""
 

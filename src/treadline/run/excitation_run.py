@@ -13,15 +13,13 @@ from treadline.core.models import InputOutputRecord
 from treadline.core.signals import HeadingEstimate, MotionPlan, TrackCommand
 from treadline.identification.excitation_signal import Excitation, ExcitationConfig
 from treadline.io.records import write_record
-from treadline.io.runs import RECORD
+from treadline.io.runs import INPUTS, OUTPUTS, RECORD
 from treadline.run.episode import Traverse, Watch, run_episode
 from treadline.run.recorded_run import write_run
 from treadline.run.resolve import Opener, PlantName, resolve
 from treadline.scenario.scenario import Scenario
 
 PERIOD_S = 1.0 / paper.CONTROL_RATE_HZ
-INPUTS = ("left_m_s", "right_m_s")
-OUTPUTS = ("heading_rad", "yaw_rate_rad_s")
 
 
 class _ExcitationDriver:
