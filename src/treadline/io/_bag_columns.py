@@ -13,7 +13,6 @@ Of messages with equal times the last is used. Each topic has its own times; the
 
 import re
 from array import array
-from collections.abc import Callable
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -94,7 +93,6 @@ class _Channels:
     def __init__(self, path: Path, wanted: tuple[str, ...]) -> None:
         self._path = path
         self._seen: dict[str, None] = {}
-        self._decoders: dict[RecordedTopic, Callable[[bytes], Any]] = {}
         self._channels: dict[str, _Channel] = {}
         for name in wanted:
             topic, _, inside = name.partition(".")
@@ -110,10 +108,7 @@ class _Channels:
 
     def take(self, topic: RecordedTopic, time_ns: int, data: bytes) -> None:
         """Extract the requested fields of a message."""
-        decode = self._decoders.get(topic)
-        if decode is None:
-            decode = self._decoders[topic] = decoder_of(topic)
-        message = decode(data)
+        message = decoder_of(topic)(data)
         channel = self._channels[_slashed(topic.name)]
         if len(channel.times) >= mcap_read.MAX_MESSAGES:
             raise LogFormatError(f"more than {mcap_read.MAX_MESSAGES} messages on {topic.name}")

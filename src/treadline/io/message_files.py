@@ -11,6 +11,7 @@ import re
 import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import closing
+from functools import lru_cache
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -121,6 +122,7 @@ def _number(path: Path) -> tuple[int, str]:
     return int(digits) if digits.isascii() and digits.isdigit() else 0, path.name
 
 
+@lru_cache
 def decoder_of(topic: RecordedTopic) -> Callable[[bytes], Any]:
     """Return the decoder of a topic's messages.
 

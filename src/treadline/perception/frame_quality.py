@@ -28,9 +28,10 @@ def quality_of(frame: RgbdFrame, obstacle_m: float | None = None) -> FrameQualit
     depths = frame.depth_m[::stride, ::stride]
     share = float(np.mean(np.isfinite(depths) & (depths > 0.0))) if depths.size else 0.0
     fingerprint = zlib.crc32(np.ascontiguousarray(frame.depth_m).data)
-    brightness, contrast = 0.5, 0.25  # of a frame whose colours are not evaluated
+    brightness, contrast = 0.5, 0.25  # mean and standard deviation relative to white, of a frame whose colours are not evaluated
     if share < ENOUGH:
-        brightness, contrast = _light_of(frame, stride)
+        colours = frame.rgb[::stride, ::stride].astype(np.float32) / np.iinfo(np.uint8).max
+        brightness, contrast = (float(colours.mean()), float(colours.std())) if colours.size else (0.0, 0.0)
         # Depth images without any return are identical; the colours still show a working camera.
         fingerprint = zlib.crc32(np.ascontiguousarray(frame.rgb).data, fingerprint)
     return FrameQuality(
@@ -41,9 +42,3 @@ def quality_of(frame: RgbdFrame, obstacle_m: float | None = None) -> FrameQualit
         valid_share=share,
         obstacle_m=obstacle_m,
     )
-
-
-def _light_of(frame: RgbdFrame, stride: int) -> tuple[float, float]:
-    """Return mean and standard deviation of the colours, relative to white."""
-    colours = frame.rgb[::stride, ::stride].astype(np.float32) / np.iinfo(np.uint8).max
-    return (float(colours.mean()), float(colours.std())) if colours.size else (0.0, 0.0)

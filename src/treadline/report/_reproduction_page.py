@@ -7,13 +7,12 @@ The figures are drawn from the rows of ``results.json`` and the time series of t
 """
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
 import matplotlib as mpl
 import numpy as np
-from jaxtyping import Float
 from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -30,12 +29,12 @@ from treadline.report.comparison import IMPULSE_S, answer, comparisons
 from treadline.report.html_pages import in_base64
 from treadline.report.labels import run_words
 from treadline.report.player_page import write_player
+from treadline.report.run_figure import Series
 from treadline.report.side_view import SideViews
 from treadline.report.svg_figures import BLUE, GREEN, GREY, ORANGE, RED, STYLE, WIDTH_IN, panels_of, plain_log_labels, svg_of
 
 BY_SLOPE: dict[float, str] = {20: ORANGE, 25: BLUE, 28: GREEN, 30: RED}
 BY_HEADING = ("#000000", GREY, BLUE, GREEN, RED)
-Series = Mapping[str, Float[np.ndarray, " T"]]
 TURN_SHOWN_S = 12.0
 """Span of a turn from ±30° in which belts, place and margins change."""
 

@@ -16,9 +16,6 @@ from treadline.ros.recorder import RecorderNode
 from treadline.scenario.chair import ChairDescription
 from treadline.vehicle.linkage import SeatLinkage
 
-DRIVING = ("guard", "camera", "heading", "seat", "driver", "plant")
-"""The graph; the guard is started first, the plant last."""
-NAMES = (*DRIVING, "recorder")
 ROLES = {
     "guard": "passes commands, limits them, or holds",
     "camera": "images to heading and stair map (the paper's /depth)",
@@ -28,6 +25,8 @@ ROLES = {
     "plant": "the chair on its stair, simulated",
     "recorder": "identification record and log",
 }
+DRIVING = tuple(ROLES)[:-1]
+"""The graph; the guard is started first, the plant last."""
 
 
 def driving_nodes(chair: ChairDescription) -> tuple[str, ...]:
@@ -46,8 +45,8 @@ def reject_unknown(name: str) -> None:
     Raises:
         SettingsError: If it is one.
     """
-    if name not in NAMES:
-        raise SettingsError(f"no node is called '{name}'; there are: {', '.join(NAMES)}")
+    if name not in ROLES:
+        raise SettingsError(f"no node is called '{name}'; there are: {', '.join(ROLES)}")
 
 
 def node_of(

@@ -30,11 +30,6 @@ class Margins:
     left: float
     right: float
 
-    @property
-    def worst(self) -> float:
-        """Smallest of the four margins [rad]."""
-        return min(self.uphill, self.downhill, self.left, self.right)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Support:
