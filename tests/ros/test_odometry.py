@@ -13,7 +13,7 @@ from treadline.mission.mission_config import MissionConfig
 from treadline.mission.odometry import DeadReckoning, Odometry
 from treadline.ros import channels as on
 from treadline.ros._codec import encoded
-from treadline.ros.assembly import mount_of, node_of
+from treadline.ros.assembly import node_of
 from treadline.ros.lockstep import InProcess
 from treadline.scenario.chair import read_chair
 from treadline.vehicle.linkage import SeatLinkage
@@ -73,7 +73,7 @@ def test_a_tree_of_frames_leads_from_odometry_to_the_camera() -> None:
     from rosbags import typesys
 
     store = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
-    camera = mount_of(MissionConfig(chair=read_chair("wheelchair"), loop="open"))
+    camera = MissionConfig(chair=read_chair("wheelchair"), loop="open").camera
     turned = imu(1.0, yaw_rad=0.3).orientation
     place = Odometry(t_s=1.0, p_OB=np.array([1.0, 2.0, 3.0]), orientation=turned, speed_m_s=0.2, angular_velocity_rad_s=np.zeros(3))
     sent = [*encoded(on.ODOM, place, ros1=False), *encoded(on.MOUNTS, on.Mounts(t_s=1.0, camera=camera), ros1=False)]

@@ -15,7 +15,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from treadline.cli.compile import compile_once
 from treadline.core.errors import TreadlineError
 from treadline.core.signals import TICK_S
-from treadline.ros.assembly import driving_nodes, mount_of, node_of, ROLES
+from treadline.ros.assembly import driving_nodes, node_of, ROLES
 from treadline.ros.goal_driver import GoalDriverNode
 from treadline.ros.node_process import NodeRunner, PlantRunner, POLL_S
 from treadline.ros.plant_node import PlantNode
@@ -174,7 +174,7 @@ class TreadlineNode(LifecycleNode):
             goals=self._value('start') == 'goal',
         )
         stamped = self._value('cmd_vel') == 'twist_stamped'
-        mount = mount_of(setup.mission)
+        mount = setup.mission.camera
         self._transport = RclpyTransport(self, self.attempt, mount, stamped=stamped)
         if isinstance(self._block, GoalDriverNode):
             self._actions = self._actions or Actions(self, self._block)

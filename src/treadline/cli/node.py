@@ -186,10 +186,9 @@ def _copied(log: Path, out: Path, *, force: bool) -> Answer:
 
 def wired(name: str, config: "MissionConfig", arguments: tuple[str, ...] = ()) -> "WireTransport":
     """Return the transport of one node: ROS 1."""
-    from treadline.ros.assembly import mount_of
     from treadline.ros.ros1 import Ros1Transport
 
-    return Ros1Transport(name, arguments=arguments, mount=mount_of(config))
+    return Ros1Transport(name, arguments=arguments, mount=config.camera)
 
 
 def stopping() -> Event:

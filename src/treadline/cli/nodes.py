@@ -205,7 +205,7 @@ class _Watch:
 def _in_one_process(config: Any, plant_of: Callable[[], Any], seconds: float, out: Path | None, rearms_until: float) -> Answer:
     from treadline.cli._output import SimulatedTime
     from treadline.mission.mission_blocks import build_blocks, guard_config
-    from treadline.ros.assembly import driving_nodes, mount_of
+    from treadline.ros.assembly import driving_nodes
     from treadline.ros.lockstep import LockStep
     from treadline.ros.recorder import RecorderNode
 
@@ -213,7 +213,7 @@ def _in_one_process(config: Any, plant_of: Callable[[], Any], seconds: float, ou
     limits = guard_config(config, blocks.driver.period_s)
     plant = plant_of()
     recorder = None if out is None else RecorderNode(out, blocks.driver.period_s)
-    graph = LockStep(plant, blocks, limits, beside=() if recorder is None else (recorder,), mount=mount_of(config))
+    graph = LockStep(plant, blocks, limits, beside=() if recorder is None else (recorder,), mount=config.camera)
     watch = _Watch(seconds, rearms_until)
     watch.listen(graph.transport)
     stop = stopping()

@@ -66,7 +66,7 @@ def planner_of(config: MissionConfig, driver: Driver | None = None) -> Planner:
                 "coming down needs a chair with a flipper, a closed loop and robust vision; set chair.model = 'wheelchair'"
             )
         return Cruise(config.climb_speed_m_s)
-    config.chair.camera_at(rear=config.direction == "down")  # raises where there is none
+    _ = config.camera  # raises where the chair has none
     return Traversal(config)
 
 
@@ -134,7 +134,7 @@ def warm_up(config: MissionConfig) -> None:
     """
     shipped = replace(config, plugins=Plugins())
     detector, estimator = detector_of(shipped), _estimator_of(shipped)
-    camera = config.chair.camera_at(rear=config.direction == "down")
+    camera = config.camera
     still = ImuSample(
         t_s=0.0, orientation=(1.0, 0.0, 0.0, 0.0), angular_velocity_rad_s=(0.0,) * 3, linear_acceleration_m_s2=(0.0,) * 3
     )

@@ -10,6 +10,7 @@ from typing import Literal, NamedTuple, Protocol, runtime_checkable
 
 from treadline.control.belt_allocation import CRUISE_M_S
 from treadline.core import paper
+from treadline.core.camera_images import PinholeCamera
 from treadline.core.models import ControllerDesign, Reconstruct
 from treadline.mission._blocks import Detector
 from treadline.mission.belt_controllers import Driver
@@ -111,6 +112,11 @@ class MissionConfig:
     allocation: Literal["climb-safe", "paper"] = "climb-safe"
     reconstruct: Reconstruct | None = None
     """State reconstruction; None keeps the choice in the controller's file."""
+
+    @property
+    def camera(self) -> PinholeCamera:
+        """Camera in use, on the chair."""
+        return self.chair.camera_at(rear=self.direction == "down")
 
 
 def is_full_traversal(config: MissionConfig, driver: Driver | None = None) -> bool:

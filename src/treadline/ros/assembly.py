@@ -4,7 +4,6 @@ from collections.abc import Callable
 from pathlib import Path
 from uuid import uuid4
 
-from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import SettingsError
 from treadline.core.ports import Plant
 from treadline.mission.mission_blocks import build_blocks, guard_config, warm_up
@@ -32,11 +31,6 @@ DRIVING = tuple(ROLES)[:-1]
 def driving_nodes(chair: ChairDescription) -> tuple[str, ...]:
     """Return the nodes of a chair's graph: without a seat linkage there is no seat node."""
     return tuple(name for name in DRIVING if name != "seat" or chair.seat is not None)
-
-
-def mount_of(config: MissionConfig) -> PinholeCamera:
-    """Return the camera in use, on the chair."""
-    return config.chair.camera_at(rear=config.direction == "down")
 
 
 def reject_unknown(name: str) -> None:
@@ -83,7 +77,7 @@ def node_of(
             return CameraNode(blocks.detector, limits, blocks.swept_half_m)
         case "heading":
             linkage = None if config.chair.seat is None else SeatLinkage(config.chair.seat)
-            return HeadingNode(blocks.estimator, limits, mount_of(config), linkage)
+            return HeadingNode(blocks.estimator, limits, config.camera, linkage)
         case "seat":
             if blocks.leveller is None:
                 raise SettingsError(f"chair {config.chair.name!r} has no seat linkage; leave out the seat node")

@@ -15,7 +15,6 @@ from treadline.core.angles import DEG
 from treadline.core.rotations import Rotation, Vector3, quaternion_of, rotation_of, rotation_z
 from treadline.playback import HALF_LINE_M, Recording, support_at
 from treadline.report.plot_table import SIGNS
-from treadline.scenario.scenario import Belts
 from treadline.vehicle.appearance import MeshPart, body_poses, chair_parts, lug_part, lug_poses, stair_parts
 from treadline.vehicle.bodies import centre_of_mass
 from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD
@@ -92,7 +91,7 @@ class SceneView:
     def __init__(self, server: Any, feed: Feed) -> None:
         scenario = feed.order.scenario
         self._scene, self._feed = server.scene, feed
-        self._belts = scenario.belts if isinstance(scenario.belts, Belts) else Belts()
+        self._belts = scenario.belts
         self._frame: ShownFrame | None = None
         self._box: Any = None
         self._box_node: Any = None
