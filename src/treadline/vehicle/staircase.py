@@ -255,8 +255,6 @@ class Staircase:
     @property
     def nosings_W(self) -> Float[np.ndarray, "N 3"]:
         """Points on the nosings at mid-width [m], missing steps excluded."""
-        if not self.turn_rad:
-            return np.array([step.nosing_F for step in self.steps if not step.missing])
         frames = [self.flight_frame(k) for k in range(self.flight_count)]
         return np.array(
             [
