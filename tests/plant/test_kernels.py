@@ -1,7 +1,6 @@
 """The compiled sums are those of the textbook, and of numpy."""
 
 import math
-from dataclasses import astuple
 
 import numpy as np
 import pytest
@@ -104,6 +103,6 @@ def test_compiled_truth_agrees_with_the_mechanics_that_it_repeats(name: str) -> 
         # Without a turn of the stair, its coordinates are those of the world.
         np.testing.assert_allclose(declared[5:7], p_WB[:2], atol=1e-14)
         # The same sums in the same order: only the library of the trigonometric functions may differ.
-        assert declared[8] == pytest.approx(min(astuple(margins)), abs=1e-14)
+        assert declared[8] == pytest.approx(min(margins.uphill, margins.downhill, margins.left, margins.right), abs=1e-14)
         place_W = p_WB + R_WB @ np.array(payload_place(chair, loading, seat_rad))
         np.testing.assert_allclose(declared[9:], place_W, atol=1e-14)
