@@ -123,8 +123,7 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 IDENTIFICATION_PAGE = tuple(
-    f"report{name}"
-    for name in ("", ".identification_page", "._model_figures", "._model_runs", ".html_pages", ".labels", ".svg_figures")
+    f"report{n}" for n in ("", ".identification_page", "._model_figures", "._model_runs", ".html_pages", ".labels", ".svg_figures")
 )
 """Modules of the report that draw the page of an identification."""
 PLANNERS = tuple(
