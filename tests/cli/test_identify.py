@@ -8,6 +8,8 @@ from scipy.io import loadmat
 
 from treadline.core.models import LinearModel
 
+from .conftest import assert_refused
+
 CHANNELS = ["--inputs", "left_m_s,right_m_s", "--outputs", "heading_rad,yaw_rate_rad_s"]
 POLES = (0.5, 0.9)
 
@@ -82,14 +84,13 @@ def test_dead_time_is_found_and_taken_out_of_the_states(run, tmp_path: Path) -> 
         assert run(*common, "--method", "pbsid", "--order", "2", "--delays", given).values["delays"] == taken
 
 
-def test_a_clock_in_milliseconds_is_asked_about_unless_the_period_is_given(run, tmp_path: Path) -> None:
+def test_a_clock_in_milliseconds_is_refused_unless_the_period_is_given(run, tmp_path: Path) -> None:
     head, *rows = write_log(tmp_path / "s.csv").read_text().splitlines()
     cells = [row.split(",") for row in rows]
     cells[100][1] = ""
     log = tmp_path / "ms.csv"
     log.write_text("\n".join([head, *(",".join([f"{1000.0 * float(t_s)}", *others]) for t_s, *others in cells)]))
     line = ["identify", log, *CHANNELS, "--method", "okid-era", "--order", "2", "--allow-gaps", "--no-page", "--json", "--out"]
-    (asked,) = [text for text in run(*line, tmp_path / "a.json").values["warnings"] if "milliseconds" in text]
-    assert asked.startswith("the time column steps by 250 s; if it counts milliseconds, divide it by 1000")
-    given = run(*line, tmp_path / "b.json", "--period", "250").values["warnings"]
-    assert not any("milliseconds" in text for text in given)
+    assert_refused(run(*line, tmp_path / "a.json"), "'t_s' steps by 250 s; if it counts milliseconds, give --period 0.25 or name")
+    for period_s in ("250", "0.25"):
+        assert run(*line, tmp_path / f"{period_s}.json", "--period", period_s).values

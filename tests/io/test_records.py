@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from treadline.core.errors import LogFormatError, PeriodMismatch
-from treadline.io.records import clock_warning, read_record
+from treadline.io.records import ChunkReader, read_record
 
 INPUTS = ("left_m_s", "right_m_s")
 OUTPUTS = ("heading_rad",)
@@ -30,9 +30,36 @@ def test_the_period_is_the_shortest_decimal_that_the_rounded_stamps_allow(tmp_pa
         assert record.dt_s == period_s
 
 
-def test_a_clock_that_may_count_milliseconds_is_asked_about() -> None:
-    assert "divide it by 1000: the period is then 0.25 s" in str(clock_warning(250.0))
-    assert [clock_warning(period_s) for period_s in (0.25, 1.5, 60.25)] == [None] * 3
+@pytest.mark.parametrize("reader", [read_record, lambda *log, **how: next(iter(ChunkReader(*log, **how)))])
+@pytest.mark.parametrize(("unit", "per_s"), [("milliseconds", 10**3), ("microseconds", 10**6), ("nanoseconds", 10**9)])
+def test_whole_steps_of_seconds_are_refused_until_a_period_says_what_they_count(tmp_path: Path, reader, unit, per_s) -> None:
+    def log(clock: str, first: int = 0) -> Path:
+        rows = [f"{first + per_s // 20 * k},{0.1 + 0.001 * k}" for k in range(60)]
+        return written(tmp_path / "a.csv", [f"{clock},heading_rad", *rows])
+
+    for clock in ("t", "t_s", "time", "timestamp [s]"):
+        with pytest.raises(PeriodMismatch, match=f"column '.*' steps by .* s; if it counts {unit}, give --period 0.05 or name it"):
+            reader(log(clock), (), OUTPUTS)
+        assert reader(log(clock), (), OUTPUTS, period_s=0.05).dt_s == 0.05
+        assert reader(log(clock), (), OUTPUTS, period_s=0.05 * per_s).dt_s == 0.05 * per_s
+        # Since 1970 the digits say the unit.
+        assert reader(log(clock, 1_700_000_000 * per_s), (), OUTPUTS).dt_s == 0.05
+    assert reader(log(f"t [{unit}]"), (), OUTPUTS).dt_s == 0.05
+
+
+@pytest.mark.parametrize("step_s", [1.0, 1.5, 60.25])
+def test_slow_logs_with_decimals_or_dates_are_read(tmp_path: Path, step_s: float) -> None:
+    for first in (0.25, 1.7e9):
+        rows = [f"{first + step_s * k!r},0.1" for k in range(20)]
+        assert read_record(written(tmp_path / "a.csv", ["t_s,heading_rad", *rows]), (), OUTPUTS).dt_s == step_s
+
+
+def test_units_in_brackets_are_no_part_of_a_name(tmp_path: Path) -> None:
+    rows = [f"{50 * k}, {0.2 + 0.1 * k}, {0.1 - 0.01 * k}" for k in range(10)]
+    file = written(tmp_path / "a.csv", ["t [ms], left [m/s], heading [rad]", *rows])
+    for inputs, outputs in ((("left_m_s",), ("heading_rad",)), (("left",), ("heading",)), (("left [m/s]",), ("heading [rad]",))):
+        record = read_record(file, inputs, outputs)
+        assert (record.dt_s, record.u[1, 0], record.y[1, 0]) == (0.05, 0.2 + 0.1, 0.1 - 0.01)
 
 
 def test_an_endless_cell_is_refused(tmp_path: Path) -> None:

@@ -253,15 +253,12 @@ def _written(found: "Identified", logs: Sequence[Path], asked: IdentifyOptions, 
 
 def _answer(found: "Identified", asked: IdentifyOptions, written: dict[str, str]) -> Answer:
     from treadline.core.printing import percent_text
-    from treadline.io.records import clock_warning
 
     report, vehicle = found.report, found.report.skid_steer
     fits = ", ".join(f"{name} {percent_text(value)}" for name, value in report.percent.items())
     ahead = ", ".join(f"{name} {percent_text(value)}" for name, value in report.one_step_vaf_percent.items())
-    question = clock_warning(found.model.dt_s) if asked.period is None else None
-    warnings = [*report.warnings, *([] if question is None else [question])]
     return Answer(
-        values=report.as_json() | written | {"warnings": warnings},
+        values=report.as_json() | written,
         summary=[
             f"order {report.order} with {report.lags} lags ({report.method}: {report.subspace}, {report.step}), "
             f"{_counted(found)}, one sample every {found.model.dt_s:.6g} s",
@@ -270,7 +267,7 @@ def _answer(found: "Identified", asked: IdentifyOptions, written: dict[str, str]
             f"one step ahead: {ahead} of the variance",
             *([] if vehicle is None else [", ".join(f"{name} {value}" for name, value in vehicle.in_words())]),
             f"written: {', '.join(dict.fromkeys(written.values()))}",
-            *(f"warning: {warning}" for warning in warnings),
+            *(f"warning: {warning}" for warning in report.warnings),
         ],
     )
 

@@ -72,7 +72,7 @@ def _table_of(file: Path, wanted: tuple[str, ...], there: Sequence[str], array: 
         names=tuple(name for name, _ in columns),
         values=np.column_stack([column.astype(float) for _, column in columns] or [np.empty((rows, 0))]),
         clock=None if clock is None else clock.name,
-        t_s=None if clock is None else Seconds(clock, period_s).of([_ticks(values) for _, values in ticks]),
+        t_s=None if clock is None else Seconds(file, clock, period_s).of([_ticks(values) for _, values in ticks]),
         marks=np.arange(1, rows + 1),
         header=tuple(there),
         widths=tuple(map(len, chosen)),

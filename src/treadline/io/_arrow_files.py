@@ -36,7 +36,7 @@ class ArrowLog(Log):
         names = [there[place_of(self._file, name, there)] for name in self._wanted]
         clock = _clock(data.schema, names)
         ticking = () if clock is None else clock.columns
-        seconds = None if clock is None else Seconds(clock, self._period_s)
+        seconds = None if clock is None else Seconds(self._file, clock, self._period_s)
         self._size, self._done = max(data.count_rows(), 1), 0
         columns = list(dict.fromkeys([*names, *ticking]))
         for batch in data.to_batches(columns=columns, batch_size=BLOCK_ROWS, use_threads=False, batch_readahead=0):

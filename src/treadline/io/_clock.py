@@ -1,19 +1,25 @@
 """Time columns: what they are called, in which unit they count, and what to do where the name says no unit.
 
 A name is split into words: ``t_s``, ``Time (ms)``, ``__time``, ``elapsed_us``, ``header.stamp``; the last may be a unit. Seconds
-and nanoseconds may stand in two columns (``stamp.sec``, ``stamp.nanosec``). Without a unit, a number of ten, 13, 16 or 19 digits is
-the time since 1970 in s, ms, µs or ns; else the period that is asked for decides, else the unit is the second.
+and nanoseconds may stand in two columns (``stamp.sec``, ``stamp.nanosec``). Without a unit, or where a name says seconds, a number
+of ten, 13, 16 or 19 digits is the time since 1970 in s, ms, µs or ns; else the period that is asked for decides, else the unit is
+the second, unless the steps speak against it.
 """
 
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float64, Shaped
 
+from treadline.core.errors import PeriodMismatch
+
 IRREGULAR = 0.05
 """Largest relative deviation of a sampling interval from the period."""
+SLOWEST_S = 1.0
+"""Longest period of logs of vehicles: that of GPS receivers [s]."""
 _UNITS = {
     1.0: "s sec secs second seconds",
     1e3: "ms msec msecs millis millisecond milliseconds",
@@ -88,10 +94,10 @@ def period_in(name: str, value: float) -> float | None:
 class Seconds:
     """Times of a log in seconds, block after block."""
 
-    def __init__(self, clock: TimeColumn, period_s: float | None) -> None:
-        self.clock = clock
+    def __init__(self, file: Path, clock: TimeColumn, period_s: float | None) -> None:
+        self._file, self.clock = file, clock
         self._period_s = period_s
-        self._per_s = clock.per_s
+        self._per_s = None if clock.per_s == 1.0 else clock.per_s  # seconds are the word for any unit, which the numbers confirm
         self._origin: int | None = None
 
     def of(self, columns: Sequence[Ticks]) -> Times:
@@ -99,19 +105,33 @@ class Seconds:
         exact = [column.astype(np.int64 if column.dtype.kind in "iu" else float) for column in columns]
         ticks = exact[0] if len(exact) == 1 else 1_000_000_000 * exact[0] + exact[1]
         if self._per_s is None:
-            self._per_s = _ticks_per_second(ticks, self._period_s)
+            self._per_s = self._ticks_per_second(ticks)
         if ticks.dtype.kind != "i":
             return ticks / self._per_s
         if self._origin is None:
             self._origin = int(ticks[0])
         return (ticks - self._origin) / self._per_s
 
+    def _ticks_per_second(self, ticks: Ticks) -> float:
+        """Return the unit of a clock: by the digits of a time since 1970, by the period that is given, or seconds.
 
-def _ticks_per_second(ticks: Ticks, period_s: float | None) -> float:
-    """Return the unit of a clock that names none: by the digits of a time since 1970, by the period that is given, or seconds."""
-    first, step = float(ticks[0]), float(np.median(np.diff(ticks))) if len(ticks) > 1 else 0.0
-    units = [per_s for per_s in _UNITS if per_s >= 1.0]
-    low, high = _SINCE_1970
-    since = [per_s for per_s in units if low <= first / per_s < high]
-    given = [per_s for per_s in units if period_s is not None and abs(step / per_s - period_s) <= IRREGULAR * period_s]
-    return next(iter([*since, *given]), 1.0)
+        Loggers write finer units as whole numbers, and seconds with decimals unless the period is a whole number of seconds. Where
+        that is longer than in a log of a vehicle, it has to be given.
+
+        Raises:
+            PeriodMismatch: If all times are whole numbers, more than a second apart, and no period was given.
+        """
+        first, last, step = float(ticks[0]), float(ticks[-1]), float(np.median(np.diff(ticks))) if len(ticks) > 1 else 0.0
+        units = [per_s for per_s in _UNITS if per_s >= 1.0]
+        low, high = _SINCE_1970
+        since = [per_s for per_s in units if low <= first / per_s and last / per_s < high]
+        given, period_s = [], self._period_s
+        if period_s is not None:
+            given = [per_s for per_s in units if abs(step / per_s - period_s) <= IRREGULAR * period_s]
+        elif not since and step > SLOWEST_S and not np.mod(ticks, 1).any():
+            finer = next(per_s for per_s in units if step / per_s <= SLOWEST_S or per_s == units[-1])
+            raise PeriodMismatch(
+                f"{self._file}: column '{self.clock.name}' steps by {step:g} s; if it counts {_UNITS[finer].split()[-1]}, give "
+                f"--period {step / finer:g} or name it t_{_UNITS[finer].split()[0]}; if seconds, give --period {step:g}"
+            )
+        return next(iter([*since, *given]), 1.0)

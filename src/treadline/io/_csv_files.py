@@ -56,7 +56,7 @@ class CsvLog(Log):
     def _tables(self, packed: BinaryIO, text: TextIOWrapper) -> Iterator[Table]:
         block = _block(self._file, text)
         sheet = sheet_of(self._file, block, self._wanted, self._period_s)
-        seconds = None if sheet.clock is None else Seconds(sheet.clock, self._period_s)
+        seconds = None if sheet.clock is None else Seconds(self._file, sheet.clock, self._period_s)
         rows, line, block = 0, sheet.first + 1, block[sheet.first :]
         while block:
             values, ticks, marks = _cells(sheet, block, line)

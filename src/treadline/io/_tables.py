@@ -249,10 +249,8 @@ def uneven(
         return None
     k = int(off[0])
     places = places_of(t_s, period_s, before_s)
-    if abs(1e-3 * float(np.median(steps)) - period_s) <= IRREGULAR * period_s:
-        remedy = f"does column '{table.clock}' count milliseconds? divide it by 1000"
     # The fraction of missing rows of a stream is unknown before its end.
-    elif places is not None and (before_s is not None or len(t_s) >= (1.0 - GAP_SHARE) * (places[-1] + 1.0)):
+    if places is not None and (before_s is not None or len(t_s) >= (1.0 - GAP_SHARE) * (places[-1] + 1.0)):
         remedy = f"if rows are missing, pass --allow-gaps, else {remedy.removeprefix('pass ')}"
     return PeriodMismatch(
         f"{table.where(k + (before_s is None))}: a step of {steps[k]:.4g} s where the period is {period_s:.4g} s; {remedy}"

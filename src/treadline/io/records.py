@@ -86,20 +86,6 @@ def read_record(
     return record
 
 
-def clock_warning(period_s: float) -> str | None:
-    """Return a question where a clock column named in seconds may count milliseconds.
-
-    Loggers write milliseconds as whole numbers, and seconds with decimals unless the period is a whole number of seconds, which is
-    too long to control a vehicle: such a period is possible, and improbable.
-    """
-    if period_s < 1.0 or not period_s.is_integer():
-        return None
-    return (
-        f"the time column steps by {period_s:g} s; if it counts milliseconds, divide it by 1000: the period is then "
-        f"{1e-3 * period_s:g} s"
-    )
-
-
 def write_record(path: Path, record: InputOutputRecord, first_t_s: float) -> None:
     """Write a record as CSV with full floating-point precision."""
     lines = [",".join((TIME, *record.input_names, *record.output_names))]
