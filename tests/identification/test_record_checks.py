@@ -58,6 +58,12 @@ FAULTS: dict[str, tuple[Spoil, dict[str, Any], type[TreadlineError], str]] = {
         r"400 samples are too few: .* 8 lags need at least 79, and gaps cost 392",
     ),
     "inputs at rest": (with_values("u", EVERY, EVERY, 0.2), {}, PoorExcitation, r"no input moves \(left_m_s, right_m_s\)"),
+    "an input that moves in the first row alone": (
+        with_values("u", slice(1, None), 0, 0.2),
+        {},
+        PoorExcitation,
+        r"'left_m_s' moved by ±\d+(\.\d)? mm/s, at the start of the record or at gaps alone; give a record in which it moves",
+    ),
     "an output at rest": (with_values("y", EVERY, 1, 0.0), {}, PoorExcitation, "output 'yaw_rate' is constant"),
     "one row": (lambda r: replace(r, u=r.u[:1], y=r.y[:1]), {}, RecordError, "no input moves|too few|1 samples"),
     "no row": (lambda r: replace(r, u=r.u[:0], y=r.y[:0]), {}, PoorExcitation, "holds no samples"),

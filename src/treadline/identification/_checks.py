@@ -9,6 +9,7 @@ from scipy.linalg import lapack
 from treadline.core import state_space
 from treadline.core.errors import DependentInputs, NotFinite, PeriodMismatch, PoorExcitation, SettingsError, ShapeMismatch
 from treadline.core.models import InputOutputRecord
+from treadline.core.printing import UNITS, unit_ending
 from treadline.core.state_space import GAP_SHARE, UNWRAPPED
 from treadline.identification._gram import Gram, Units, units_of
 from treadline.identification._limits import PREDICTABLE, ROUNDING
@@ -134,16 +135,26 @@ def check_independent(data: Gram, names: tuple[str, ...]) -> None:
     """Check that no input is a linear combination of the others.
 
     Raises:
-        DependentInputs: With the inputs and their rank.
+        DependentInputs: With the inputs and the standard deviation of each.
     """
     m = data.units.input_count
     at = slice(1, 1 + m)
     mean = data.sums[0, at] / data.count
-    rank = int(np.sum(np.linalg.eigvalsh(data.sums[at, at] / data.count - np.outer(mean, mean)) > ROUNDING))
-    if rank < m:
-        raise DependentInputs(
-            f"the {m} inputs move together (rank {rank}): {', '.join(names[:m])}; give a record in which they move independently"
-        )
+    covariance = data.sums[at, at] / data.count - np.outer(mean, mean)
+    if np.linalg.eigvalsh(covariance)[0] > ROUNDING:
+        return
+    moved = [f"'{name}' moved by ±{_with_unit(name, size)}" for name, size in zip(names, data.units.input_scale, strict=False)]
+    still = np.flatnonzero(np.diag(covariance) <= ROUNDING)
+    if still.size:
+        raise DependentInputs(f"{moved[still[0]]}, at the start of the record or at gaps alone; give a record in which it moves")
+    raise DependentInputs(f"the inputs move together: {', '.join(moved)}; give a record in which they move independently")
+
+
+def _with_unit(name: str, size: float) -> str:
+    """Return a size with the unit that the name of its channel ends in; small lengths and speeds in millimetres."""
+    unit = UNITS.get(unit_ending(name) or "", "")
+    milli = unit in {"m", "m/s"} and size < 0.1
+    return f"{1e3 * size:.2g} m{unit}" if milli else f"{size:.2g} {unit}".rstrip()
 
 
 def check_excitation(data: Gram, order: int) -> None:
