@@ -122,8 +122,8 @@ def identify(
 
     * ``u`` and ``y``: arrays of one row per sample, or data frames (pandas, polars), whose column names are kept.
     * ``u``: a file (CSV, NPZ, MAT, Parquet, MCAP, ROS bag) or a run folder, or a data frame with all columns, with ``inputs`` and
-      ``outputs``.
-    * ``u``: a ``treadline.models.InputOutputRecord``.
+      ``outputs``; of a file without them, belt speeds ``left_m_s`` and ``right_m_s``, ``heading_rad`` and ``yaw_rate_rad_s``.
+    * ``u``: a ``treadline.core.models.InputOutputRecord``, or a ``TimeResponseData`` of python-control.
 
     Args:
         u: Inputs, or whole experiments.

@@ -122,6 +122,42 @@ class Table(Frame):
         return Table(names, self._values[:, [self.columns.index(name) for name in names]])
 
 
+class Response:
+    """Stand-in for python-control's ``TimeResponseData``: one sample per column, one plane per trace."""
+
+    def __init__(self, u: np.ndarray | None, y: np.ndarray, traces: int = 0, dt: float = 0.25) -> None:
+        self.t, self.u, self.y, self.ntraces = dt * np.arange(y.shape[-1]), u, y, traces
+        self.input_labels, self.output_labels = ["left", "right"], ["heading", "rate"]
+
+
+def test_a_time_response_has_inputs_outputs_names_and_a_period() -> None:
+    u, y = integrator()
+    found = tl.identify(Response(u.T, y.T), **WAYS)
+    assert (found.model.dt_s, found.model.input_names, found.model.output_names) == (0.25, ("left", "right"), ("heading", "rate"))
+    planes = (np.stack([item[:200].T, item[200:].T], axis=1) for item in (u, y))
+    halves = tl.identify([u[:200], u[200:]], [y[:200], y[200:]], 0.25, **WAYS).model.A
+    np.testing.assert_array_equal(tl.identify(Response(*planes, traces=2), **WAYS).model.A, halves)
+    parts = [Response(u[:200].T, y[:200].T), Response(u[200:].T, y[200:].T)]
+    np.testing.assert_array_equal(tl.identify(parts, **WAYS).model.A, halves)
+    with pytest.raises(RecordError, match="holds no inputs"):
+        tl.identify(Response(None, y.T))
+    uneven = Response(u.T, y.T)
+    uneven.t = uneven.t**2
+    with pytest.raises(TreadlineError, match="give even times"):
+        tl.identify(uneven)
+
+
+def test_a_drive_needs_no_names_of_its_columns(tmp_path: Path) -> None:
+    u, y = integrator()
+    table = np.column_stack([0.25 * np.arange(400), 0.1 * u, 0.1 * y])
+    header = "t_s,left_m_s,right_m_s,heading_rad,yaw_rate_rad_s"
+    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header=header, comments="")
+    model = tl.identify(tmp_path / "log.csv", **WAYS).model
+    assert ("t_s", *model.input_names, *model.output_names) == tuple(header.split(","))
+    with pytest.raises(SettingsError, match="inputs are named alone"):
+        tl.identify(tmp_path / "log.csv", inputs=["left_m_s"])
+
+
 def test_the_same_record_in_any_form_gives_the_same_model(tmp_path: Path) -> None:
     u, y = integrator()
     expected = tl.identify(u, y, 0.25, **WAYS).model.A
@@ -140,6 +176,7 @@ def test_the_same_record_in_any_form_gives_the_same_model(tmp_path: Path) -> Non
         tl.identify(path, **NAMED, **WAYS),
         tl.identify(str(path), **NAMED, **WAYS),
         tl.identify(whole, dt=0.25, **NAMED, **WAYS),
+        tl.identify(Response(u.T, y.T), **WAYS),
     ):
         np.testing.assert_array_equal(found.model.A, expected)
 
@@ -172,7 +209,7 @@ def test_lists_are_experiments() -> None:
         (lambda u, y: tl.identify(u.T, y.T, 0.25), "if a row is a channel, give channels_first=True"),
         (lambda u, y: tl.identify(u, y, 0.25, channels_first=True), "if a row is a channel, leave channels_first out"),
         (lambda u, y: tl.identify([u, u], [y], 0.25), "u holds 2 experiments and y 1"),
-        (lambda *_: tl.identify("log.csv"), "log.csv: name the columns of the file"),
+        (lambda *_: tl.identify("log.csv"), "log.csv: no such file"),
         (lambda u, _: tl.identify(Table(["left", "rigth"], u), dt=0.25, **NAMED), "no column 'right'; did you mean rigth"),
     ],
 )

@@ -85,12 +85,18 @@ class IdentifyOptions:
     @property
     def input_names(self) -> tuple[str, ...]:
         """Input columns as a list."""
-        return words("--inputs", "left_m_s,right_m_s" if self.inputs is None else self.inputs)
+        return self._columns(0)
 
     @property
     def output_names(self) -> tuple[str, ...]:
         """Output columns as a list."""
-        return words("--outputs", "heading_rad,yaw_rate_rad_s" if self.outputs is None else self.outputs)
+        return self._columns(1)
+
+    def _columns(self, side: int) -> tuple[str, ...]:
+        from treadline.io.records import COLUMNS
+
+        given = (self.inputs, self.outputs)[side]
+        return COLUMNS[side] if given is None else words(("--inputs", "--outputs")[side], given)
 
     @property
     def dead_time(self) -> list[int] | int | None:

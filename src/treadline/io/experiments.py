@@ -7,10 +7,12 @@ from typing import Any, TypedDict
 
 import numpy as np
 
-from treadline.core.errors import RecordError, ShapeMismatch, closest
+from treadline.core.errors import PeriodMismatch, RecordError, ShapeMismatch, closest
 from treadline.core.models import InputOutputRecord
 from treadline.core.state_space import record_of
-from treadline.io.records import read_record
+from treadline.io._clock import IRREGULAR
+from treadline.io._tables import shortest_decimal
+from treadline.io.records import COLUMNS, read_record
 
 Columns = tuple[tuple[str, ...], tuple[str, ...]]
 """Names of the inputs and of the outputs."""
@@ -28,23 +30,45 @@ def experiments_of(u: Any, y: Any, how: Reading, columns: Columns | None, *, cha
     """Return one record for each experiment.
 
     Args:
-        u: Inputs, or whole experiments: a file, a run folder, a data frame with all columns, or a record; a list of experiments
-            of one kind.
+        u: Inputs, or whole experiments: a file, a run folder, a data frame with all columns, a record, or a time response of
+            python-control; a list of experiments of one kind.
         y: Outputs; None where ``u`` holds whole experiments.
         how: Period and options of files; the period may be None for records, and for files with a time column.
-        columns: Columns of files and of whole data frames; names of the channels of arrays.
+        columns: Columns of files, ``COLUMNS`` when None, and of whole data frames; names of the channels of arrays.
         channels_first: Whether arrays have one row per channel instead of one row per sample.
 
     Raises:
         RecordError: If the data are incomplete, or a file holds no such data.
         ShapeMismatch: If the numbers of samples differ.
     """
+    responses = u if isinstance(u, list) else [u]
+    if responses and all(hasattr(item, "ntraces") for item in responses):
+        u = [record for item in responses for record in _traces(item)]
     given, answers = (list(u), y) if _is_several(u) else ([u], [y])
     if answers is None:
         answers = [None] * len(given)
     if len(given) != len(answers):
         raise RecordError(f"u holds {len(given)} experiments and y {len(answers)}; give one y for each u")
     return [_record(a, b, how, columns, channels_first=channels_first) for a, b in zip(given, answers, strict=True)]
+
+
+def _traces(response: Any) -> list[InputOutputRecord]:
+    """Return a record for each trace of python-control's ``TimeResponseData``, which has one sample per column.
+
+    Raises:
+        RecordError: If the response holds no inputs.
+        PeriodMismatch: If its times are uneven.
+    """
+    t_s = np.asarray(response.t, dtype=float)
+    if response.u is None or len(t_s) < 2:
+        raise RecordError("the time response holds no inputs over time; make one with control.forced_response")
+    steps = np.diff(t_s)
+    if not np.ptp(steps) <= IRREGULAR * steps.mean():
+        raise PeriodMismatch(f"the time response has steps of {steps.min():.4g} to {steps.max():.4g} s; give even times")
+    u, y = (np.reshape(item, (-1, max(response.ntraces, 1), len(t_s))).transpose(1, 2, 0) for item in (response.u, response.y))
+    names = {"input_names": response.input_labels or (), "output_names": response.output_labels or ()}
+    period_s = shortest_decimal(float(steps.mean()), 2.0 * float(np.spacing(np.abs(t_s).max())))
+    return [InputOutputRecord(u=a, y=b, dt_s=period_s, **names) for a, b in zip(u, y, strict=True)]
 
 
 def _is_several(given: Any) -> bool:
@@ -62,9 +86,7 @@ def _record(u: Any, y: Any, how: Reading, columns: Columns | None, *, channels_f
     if isinstance(u, InputOutputRecord):
         return u
     if isinstance(u, str | Path):
-        if columns is None:
-            raise RecordError(f"{u}: name the columns of the file: inputs=['left_m_s', 'right_m_s'], outputs=['yaw_rate_rad_s']")
-        return read_record(Path(u), *columns, **how)
+        return read_record(Path(u), *(columns or COLUMNS), **how)
     if y is None:
         if columns is None or not hasattr(u, "to_numpy"):
             raise RecordError("y is missing; give inputs and outputs, a data frame with inputs= and outputs=, or a file")
