@@ -7,7 +7,7 @@ import pytest
 from systems import system
 
 from treadline.control import ControllerConfig, HeadingController, closed_loop_poles, tune
-from treadline.control.tune import heading_response, resampled
+from treadline.control.tune import heading_response
 from treadline.core.angles import DEG
 from treadline.core.errors import NotInvertible
 from treadline.core.models import LinearModel
@@ -87,7 +87,7 @@ def test_the_response_that_warnings_judge_is_the_loop_s(delay: tuple[int, int]) 
 
 
 def test_another_period_keeps_the_dead_time_in_seconds() -> None:
-    assert resampled(chair((8, 4)), 0.5).input_delay == (4, 2)
+    assert chair((8, 4)).resampled(0.5).input_delay == (4, 2)
     assert tune(chair((8, 4)), period_s=0.05).model.input_delay == (40, 20)
 
 

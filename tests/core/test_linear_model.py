@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from scipy import signal
 from systems import oscillation, system, white_record
 
 import treadline as tl
-from treadline.core.errors import ModelError, RecordError
+from treadline.core.errors import ModelError, PeriodMismatch, RecordError
 from treadline.core.linear_systems import impulse_response, initial_state, prefix, simulate
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.core.other_libraries import as_matlab, as_python, as_transfer_function, transfer_functions
@@ -259,3 +260,57 @@ def test_nothing_draws_before_a_figure_is_asked_for() -> None:
 
 def test_the_size_of_a_diverging_error_is_not_printed() -> None:
     assert [percent_text(value) for value in (91.23, -3.0, -1e9, -np.inf, np.nan)] == ["91.2 %", "-3.0 %", *["below -100 %"] * 3]
+
+
+@pytest.mark.parametrize("delay", [(), (8, 4)])
+def test_a_resampled_model_meets_the_outputs_at_the_samples_that_both_have(delay: tuple[int, ...]) -> None:
+    model = plant(input_delay=delay)
+    slow = model.resampled(0.2)
+    u = np.random.default_rng(2).standard_normal((60, 2))
+    np.testing.assert_allclose(slow.simulate(u), model.simulate(np.repeat(u, 2, axis=0))[::2], atol=1e-10)
+    back = slow.resampled(0.1)
+    np.testing.assert_allclose(back.impulse(40).y, model.impulse(40).y, atol=1e-10)
+    with pytest.raises(PeriodMismatch, match="pole at or below zero, and no counterpart at another period"):
+        system([[-0.5]], [[1.0]], [[1.0]]).resampled(0.5)
+    with pytest.raises(PeriodMismatch, match="the period is 0 s; it must be positive"):
+        model.resampled(0)
+
+
+def test_a_model_in_continuous_time_is_sampled_to_the_model() -> None:
+    model = plant()
+    other = model.to_continuous("scipy")
+    sampled = other.to_discrete(model.dt_s)
+    for name in "ABCD":
+        np.testing.assert_allclose(getattr(sampled, name), getattr(model, name), atol=1e-12)
+    integrator = system([[1.0]], [[0.1]], [[1.0]], dt_s=0.1).to_continuous("scipy")
+    np.testing.assert_allclose([integrator.A, integrator.B], [[[0.0]], [[1.0]]], atol=1e-12)
+    with pytest.raises(ModelError, match=r"input_delay is \[0, 3\] samples: a dead time has no states"):
+        plant(input_delay=(0, 3)).to_continuous()
+
+
+@pytest.mark.parametrize("delay", [(), (0, 3)])
+@pytest.mark.parametrize("feedthrough", [1.0, 0.0])
+def test_a_transfer_function_has_the_frequency_response_of_the_model(delay: tuple[int, ...], feedthrough: float) -> None:
+    model, omega = plant(input_delay=delay), np.linspace(0.01, 3.1, 50)
+    model = replace(model, D=feedthrough * model.D)
+    for i, j in np.ndindex(2, 2):
+        _, response = model.transfer_function(i, j).freqresp(omega)
+        np.testing.assert_allclose(response, model.bode(omega / (2.0 * np.pi * 0.1)).response[:, i, j], rtol=1e-8)
+    with pytest.raises(ModelError, match="no output 2 with input 0: 2 outputs and 2 inputs"):
+        model.transfer_function(2)
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("delay", [0, 3, 40])
+def test_at_its_margins_a_loop_has_a_pole_on_the_unit_circle(seed: int, delay: int) -> None:
+    model = replace(plant(seed), D=np.zeros((2, 2)), input_delay=(0, delay))
+    found = model.margins(1, 1)
+    # With dead time as states: the closed loop, and the loop gain at the frequencies that are named.
+    A, B, C, _ = (np.asarray(getattr(model.to_statespace("scipy"), name)) for name in "ABCD")
+    poles = np.linalg.eigvals(A - found.gain * B[:, 1:] @ C[1:])
+    assert np.abs(np.abs(poles) - 1.0).min() < 1e-6
+    assert np.abs(poles - np.exp(2j * np.pi * found.gain_frequency_hz * 0.1)).min() < 1e-5
+    if np.isfinite(found.phase_rad):
+        loop = complex(model.bode([found.phase_frequency_hz]).response[0, 1, 1])
+        assert abs(1.0 + loop * np.exp(-1j * found.phase_rad)) < 1e-8
+    assert not np.isfinite(system([[0.5]], [[1e-6]], [[1.0]]).margins().phase_rad)

@@ -17,7 +17,7 @@ from treadline.control._observer import kalman_gain, with_disturbance
 from treadline.control.lqr import closed_loop_poles, lqr_gain, solvable, static_inverse
 from treadline.core.angles import DEG
 from treadline.core.arrays import LARGEST
-from treadline.core.errors import ModelError, NotDetectable, NotStabilisable, PeriodMismatch, SettingsError, ShapeMismatch
+from treadline.core.errors import ModelError, NotDetectable, NotStabilisable, SettingsError, ShapeMismatch
 from treadline.core.models import EXPLAINED, ControllerDesign, LinearModel, Reconstruct
 from treadline.core.signals import PERIOD_ROUNDING_S, TICK_S, on_the_tick
 from treadline.core.turning import check_turns
@@ -83,7 +83,7 @@ def tune(
     check_turns(model)
     if not accept_poor_fit:
         _check_fit(model)
-    model = model if period_s is None or abs(period_s - model.dt_s) < PERIOD_ROUNDING_S else resampled(model, period_s)
+    model = model if period_s is None or abs(period_s - model.dt_s) < PERIOD_ROUNDING_S else model.resampled(period_s)
     # The target heading is zero by definition, not the mean heading of the identification data.
     model = replace(model, output_offset=np.zeros(model.C.shape[0]))
     Q = _state_price(model, state_weight, output_weight)
@@ -108,30 +108,6 @@ def tune(
     if reconstruct == "static":
         static_inverse(design)  # raises an error if Eq. (11b) has no solution
     return design
-
-
-def resampled(model: LinearModel, period_s: float) -> LinearModel:
-    """Return the model at another period, with inputs held between samples, and dead time to the nearest period.
-
-    Raises:
-        PeriodMismatch: If the model has no continuous counterpart (a real pole at or below zero).
-    """
-    from scipy.linalg import expm, logm
-
-    n, m = model.B.shape
-    poles = np.linalg.eigvals(model.A)
-    if np.any((np.abs(poles.imag) < 1e-12) & (poles.real <= 1e-9)):
-        raise PeriodMismatch(
-            f"the model at {model.dt_s:g} s has a pole at or below zero and no counterpart at {period_s:g} s; "
-            f"identify it again with --resample --period {period_s:g}"
-        )
-    whole = np.zeros((n + m, n + m))
-    whole[:n, :n], whole[:n, n:], whole[n:, n:] = model.A, model.B, np.eye(m)
-    rescaled = expm(np.real(logm(whole)) * (period_s / model.dt_s))
-    made = {**model.provenance, "resampled_from_s": model.dt_s}
-    late = tuple(round(delay * model.dt_s / period_s) for delay in model.input_delay)
-    A, B = rescaled[:n, :n], rescaled[:n, n:]
-    return replace(model, A=A, B=B, dt_s=period_s, input_delay=late, observer_gain=None, provenance=made)
 
 
 def _check_fit(model: LinearModel) -> None:

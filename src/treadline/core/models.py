@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from treadline.core.model_scores import Comparison
-    from treadline.core.transfer_function import FrequencyResponse, TimeResponse
+    from treadline.core.transfer_function import FrequencyResponse, Margins, TimeResponse
 
 __all__ = ["BAG_SUFFIXES", "LOG_SUFFIXES", "ControllerDesign", "InputOutputRecord", "LinearModel", "Reconstruct"]
 Reconstruct = Literal["observer", "static"]
@@ -292,6 +292,97 @@ class LinearModel(StateSpaceModel, Printable, Plottable):
         from treadline.core.other_libraries import statespace
 
         return statespace(self, library)
+
+    def to_continuous(self, library: str | None = None) -> Any:
+        """Return A, B, C, D in continuous time as a state-space object of another library, for inputs held between samples.
+
+        Args:
+            library: As in ``to_statespace``.
+
+        Raises:
+            ModelError: As in ``to_statespace``; if an input has a dead time; or, as PeriodMismatch, if a real pole at or below
+                zero has no continuous counterpart.
+
+        Examples:
+            >>> import numpy as np
+            >>> import treadline as tl
+            >>> one, none = np.eye(1), np.zeros(1)
+            >>> lag = tl.LinearModel(A=0.5 * one, B=one, C=one, D=0 * one, dt_s=0.1, input_offset=none, output_offset=none)
+            >>> lag.to_continuous("scipy").A.round(3)
+            array([[-6.931]])
+        """
+        from treadline.core.other_libraries import statespace
+
+        return statespace(self, library, in_continuous_time=True)
+
+    def resampled(self, period_s: float) -> "LinearModel":
+        """Return the model at another period, with inputs held between samples, and dead time to the nearest period.
+
+        The observer gain is left out: the noise between the samples is not known.
+
+        Args:
+            period_s: Sampling period [s].
+
+        Raises:
+            PeriodMismatch: If the model has no continuous counterpart (a real pole at or below zero).
+
+        Examples:
+            >>> import numpy as np
+            >>> import treadline as tl
+            >>> one, none = np.eye(1), np.zeros(1)
+            >>> lag = tl.LinearModel(A=0.5 * one, B=one, C=one, D=0 * one, dt_s=0.1, input_offset=none, output_offset=none)
+            >>> lag.resampled(0.2).A
+            array([[0.25]])
+        """
+        from treadline.core.sampling import resampled
+
+        return resampled(self, period_s)
+
+    def transfer_function(self, output: int = 0, given: int = 0) -> Any:
+        """Return ``scipy.signal.TransferFunction`` from one input to one output, with ``num`` and ``den`` in powers of z.
+
+        Dead time becomes poles at zero. Offsets are not part of it.
+
+        Args:
+            output: Number of the output, from 0.
+            given: Number of the input, from 0.
+
+        Raises:
+            ModelError: If there is no such output or input.
+
+        Examples:
+            >>> import numpy as np
+            >>> import treadline as tl
+            >>> one, none = np.eye(1), np.zeros(1)
+            >>> lag = tl.LinearModel(A=0.5 * one, B=one, C=one, D=0 * one, dt_s=0.1, input_offset=none, output_offset=none)
+            >>> lag.transfer_function().den
+            array([ 1. , -0.5])
+        """
+        from treadline.core.other_libraries import transfer_function
+
+        return transfer_function(self.pair(output, given))
+
+    def margins(self, output: int = 0, given: int = 0) -> "Margins":
+        """Return gain and phase margin of a loop that feeds one output back to one input, negatively.
+
+        Args:
+            output: Number of the output, from 0.
+            given: Number of the input, from 0.
+
+        Raises:
+            ModelError: If there is no such output or input.
+
+        Examples:
+            >>> import numpy as np
+            >>> import treadline as tl
+            >>> one, none = np.eye(1), np.zeros(1)
+            >>> lag = tl.LinearModel(A=0.5 * one, B=one, C=one, D=0 * one, dt_s=0.1, input_offset=none, output_offset=none)
+            >>> round(lag.margins().gain, 3)
+            1.5
+        """
+        from treadline.core.transfer_function import margins
+
+        return margins(self.pair(output, given))
 
     def save(self, path: Path | str) -> None:
         """Write the model as JSON, for ``tl.load_model``; ``treadline identify --out model.mat`` writes a file for MATLAB.

@@ -8,13 +8,16 @@ import numpy as np
 from scipy import signal
 
 from treadline.core.errors import ModelError
+from treadline.core.sampling import continuous
 from treadline.core.state_space import StateSpaceModel
 
 LIBRARIES = ("control", "scipy")
+ROUNDING = 1e-12
+"""Size, relative to the largest, below which a coefficient of a polynomial is rounding error."""
 
 
-def statespace(model: StateSpaceModel, library: str | None = None) -> Any:
-    """Return ``control.StateSpace`` or ``scipy.signal.dlti``, as ``LinearModel.to_statespace`` states.
+def statespace(model: StateSpaceModel, library: str | None = None, *, in_continuous_time: bool = False) -> Any:
+    """Return ``control.StateSpace`` or ``scipy.signal.StateSpace``, as ``LinearModel.to_statespace`` and ``to_continuous`` state.
 
     Raises:
         ModelError: If the library is neither, or python-control is not installed.
@@ -23,15 +26,16 @@ def statespace(model: StateSpaceModel, library: str | None = None) -> Any:
     chosen = library or ("control" if there else "scipy")
     if chosen not in LIBRARIES:
         raise ModelError(f"library is {library!r}; allowed: {', '.join(LIBRARIES)}")
-    A, B, C, D = with_delay_states(model)
+    matrices = continuous(model) if in_continuous_time else with_delay_states(model)
     if chosen == "scipy":
-        return signal.StateSpace(A, B, C, D, dt=model.dt_s)
+        return signal.StateSpace(*matrices, **({} if in_continuous_time else {"dt": model.dt_s}))
     if not there:
         raise ModelError("python-control is not installed: pip install control, or give library='scipy'")
     import control
 
     names = {"inputs": list(model.input_names), "outputs": list(model.output_names)}
-    return control.StateSpace(A, B, C, D, model.dt_s, **{key: value for key, value in names.items() if value})
+    period_s = 0 if in_continuous_time else model.dt_s
+    return control.StateSpace(*matrices, period_s, **{key: value for key, value in names.items() if value})
 
 
 def with_delay_states(model: StateSpaceModel) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -88,6 +92,14 @@ def _matlab(matrix: np.ndarray) -> str:
     return "[" + "; ".join(" ".join(repr(float(value)) for value in row) for row in matrix) + "]"
 
 
+def transfer_function(model: StateSpaceModel) -> Any:
+    """Return ``scipy.signal.TransferFunction`` from the first input to the first output; dead time becomes poles at zero."""
+    numerator, denominator = transfer_functions(model)[0][2:]
+    live = np.flatnonzero(np.abs(numerator) > ROUNDING * np.abs(numerator).max())
+    numerator = numerator[live[0] if live.size else -1 :]  # SciPy warns of leading zeros
+    return signal.TransferFunction(numerator, np.append(denominator, np.zeros(model.input_delay[0])), dt=model.dt_s)
+
+
 def transfer_functions(model: StateSpaceModel) -> list[tuple[int, int, np.ndarray, np.ndarray]]:
     """Return output, input, numerator and denominator of each pair, coefficients of falling powers of z."""
     found = []
@@ -111,7 +123,7 @@ def _polynomial(coefficients: np.ndarray) -> str:
     size, degree = float(np.abs(coefficients).max(initial=0.0)), len(coefficients) - 1
     text = ""
     for k, value in enumerate(coefficients.tolist()):
-        if abs(value) <= 1e-12 * size:
+        if abs(value) <= ROUNDING * size:
             continue
         power = degree - k
         sign = "-" if value < 0.0 else "+"

@@ -137,7 +137,14 @@ class StateSpaceModel:
         return int(self.A.shape[0])
 
     def pair(self, output: int, given: int) -> "StateSpaceModel":
-        """Return the model from one input to one output."""
+        """Return the model from one input to one output.
+
+        Raises:
+            ModelError: If there is no such output or input.
+        """
+        p, m = self.D.shape
+        if not (0 <= output < p and 0 <= given < m):
+            raise ModelError(f"the model has no output {output} with input {given}: {p} outputs and {m} inputs, counted from 0")
         i, j = slice(output, output + 1), slice(given, given + 1)
         return replace(
             self,
