@@ -8,10 +8,12 @@ from jaxtyping import Float
 from scipy.linalg import block_diag
 from systems import oscillation, system
 
+import treadline as tl
 from treadline.core.linear_systems import impulse_response
 from treadline.core.models import LinearModel
+from treadline.core.transfer_function import StabilisationDiagram
 from treadline.identification._era import HankelSvd, realise
-from treadline.identification.stabilisation import StabilisationDiagram, modes, stabilisation_of_svd
+from treadline.identification.stabilisation import modes, stabilisation_of_svd
 
 DT_S = 0.02
 FREQUENCIES_HZ = (2.1, 5.7, 11.3)
@@ -69,6 +71,15 @@ def test_without_noise_the_diagram_ends_at_the_true_order(modal: LinearModel) ->
     assert diagram.order.max() == 6
     last = diagram.order == 6
     np.testing.assert_allclose(np.sort(diagram.frequency_hz[last]), FREQUENCIES_HZ, rtol=1e-8)
+
+
+def test_the_result_of_a_fit_draws_its_diagram(modal: LinearModel) -> None:
+    u = np.random.default_rng(5).standard_normal((2000, 2))
+    found = tl.identify(u, modal.simulate(u), DT_S, order=6, method="okid-era", lags=12)
+    diagram = found.stabilisation()
+    assert (diagram.chosen, diagram.nyquist_hz) == (6, 25.0)
+    np.testing.assert_allclose(np.sort(diagram.frequency_hz[diagram.order == 6]), FREQUENCIES_HZ, rtol=1e-6)
+    assert len(diagram.plot().axes) == 2
 
 
 def test_leading_blocks_are_the_models_that_era_realises(modal: LinearModel) -> None:

@@ -150,7 +150,8 @@ def identification_page(folder: Path, model: LinearModel | None = None, judged: 
     svd = changes.pop("svd", there.svd)
     report = replace(there.report, **({"candidates": candidates(3, 1), "seconds": 0.01} | changes))
     path = folder / "page.html"
-    extras = {} if bare else {"intervals": there.intervals, "stabilisation": stabilisation_of_svd(svd, model.dt_s)}
+    diagram = stabilisation_of_svd(svd, model.dt_s, chosen=model.order)
+    extras = {} if bare else {"intervals": there.intervals, "stabilisation": diagram}
     write_identification_page(path, model, report, fitted, records, title=title, **extras)
     return path.read_text(encoding="utf-8")
 

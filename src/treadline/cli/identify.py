@@ -287,11 +287,9 @@ def _counted(found: "Identified") -> str:
 
 def _write_page(found: "Identified", path: Path, logs: Sequence[Path]) -> None:
     from treadline.cli._output import status
-    from treadline.identification.stabilisation import stabilisation_of_svd
     from treadline.report.identification_page import write_identification_page
 
     with status("drawing"):
-        diagram = stabilisation_of_svd(found.svd, found.model.dt_s)
         write_identification_page(
             path,
             found.model,
@@ -301,7 +299,7 @@ def _write_page(found: "Identified", path: Path, logs: Sequence[Path]) -> None:
             found.judge.free,
             title=_titled(logs),
             intervals=found.intervals,
-            stabilisation=diagram,
+            stabilisation=found.stabilisation(),
         )
 
 

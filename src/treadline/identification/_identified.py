@@ -21,8 +21,8 @@ from treadline.core.errors import RecordError
 from treadline.core.model_scores import TESTED_SAMPLES_MIN, Comparison, compare
 from treadline.core.models import EXPLAINED, InputOutputRecord, LinearModel
 from treadline.core.printing import Printable, p_text, percent_text, plain
-from treadline.core.transfer_function import is_unstable
 from treadline.core.turning import NAME_PRIOR, YAW_GAIN, turn_channels, turn_faults
+from treadline.core.transfer_function import StabilisationDiagram, is_unstable
 from treadline.identification._affine import of_model
 from treadline.identification._belts import DifferentialInput
 from treadline.identification._checks import FEW_SAMPLES, excitation_order, insufficient_excitation
@@ -43,6 +43,7 @@ from treadline.identification._turn_model import (
     input_noise_warning,
     turn_model,
 )
+from treadline.identification.stabilisation import stabilisation_of_svd
 
 P_VALUE_LIMIT = 0.01
 """p-value below which a residual test is reported as failed."""
@@ -317,6 +318,19 @@ class Identified(Printable):
     def compare(self, u: ArrayLike | InputOutputRecord | None = None, y: ArrayLike | None = None) -> Comparison:
         """Return how well the model reproduces measured data, or, without any, what the report's figures are of."""
         return max(self._compared, key=lambda one: one.samples) if u is None else self.model.compare(u, y)
+
+    def stabilisation(self) -> StabilisationDiagram:
+        """Return the poles of every order up to 40; ``stabilisation().plot()`` draws the diagram: true poles stay where they are.
+
+        Examples:
+            >>> import numpy as np
+            >>> import treadline as tl
+            >>> u = np.random.default_rng(0).normal(size=(200, 1))
+            >>> y = 0.1 * np.vstack([[0.0], np.cumsum(u, axis=0)[:-1]])
+            >>> tl.identify(u, y, 0.25, order=1, method="okid-era", lags=2).stabilisation().order
+            array([1])
+        """
+        return stabilisation_of_svd(self.svd, self.free.dt_s, chosen=self.model.order)
 
     def printed(self) -> tuple[str, list[tuple[str, str]]]:
         """Return order, fit, one-step prediction, poles and warnings."""

@@ -6,11 +6,10 @@ spurious pole varies with the order. The tolerances are customary in modal analy
 compared with the nearest pole of the next lower order.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
-from jaxtyping import Bool, Complex, Float, Int
+from jaxtyping import Complex, Float
 
+from treadline.core.transfer_function import StabilisationDiagram
 from treadline.identification._era import HankelSvd
 from treadline.identification._limits import LAGS_MOST, ROUNDING
 
@@ -20,22 +19,7 @@ DAMPING_TOLERANCE = 0.05
 """Largest relative change of a stable damping."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class StabilisationDiagram:
-    """Poles of every order in one list, each complex pair once."""
-
-    order: Int[np.ndarray, " k"]
-    frequency_hz: Float[np.ndarray, " k"]
-    """Natural frequency ``|ln λ| / (2π T)`` [Hz]; the corner frequency for a real pole."""
-    damping: Float[np.ndarray, " k"]
-    """Damping ratio ``-Re ln λ / |ln λ|``: 1 for a decaying real pole, negative for a growing pole."""
-    frequency_stable: Bool[np.ndarray, " k"]
-    """Whether the next lower order has a pole within 1 % in frequency."""
-    damping_stable: Bool[np.ndarray, " k"]
-    """Whether such a pole is also within 5 % in damping."""
-
-
-def stabilisation_of_svd(svd: HankelSvd, dt_s: float, most: int = LAGS_MOST) -> StabilisationDiagram:
+def stabilisation_of_svd(svd: HankelSvd, dt_s: float, most: int = LAGS_MOST, *, chosen: int = 0) -> StabilisationDiagram:
     """Return the stabilisation diagram of ERA's models of orders 1 … ``most`` from one decomposed Hankel matrix.
 
     In a balanced realisation the state matrix of a lower order is the leading block of a higher order's.
@@ -44,6 +28,7 @@ def stabilisation_of_svd(svd: HankelSvd, dt_s: float, most: int = LAGS_MOST) -> 
         svd: Decomposed Hankel matrix.
         dt_s: Sampling period of the models [s].
         most: Highest order.
+        chosen: Order of the model.
     """
     rank = min(most, int(np.sum(svd.s > ROUNDING * svd.s[0])))
     A = svd.system_matrix(rank)
@@ -62,6 +47,8 @@ def stabilisation_of_svd(svd: HankelSvd, dt_s: float, most: int = LAGS_MOST) -> 
         damping=damping,
         frequency_stable=frequency_stable.astype(bool),
         damping_stable=damping_stable.astype(bool),
+        nyquist_hz=0.5 / dt_s,
+        chosen=chosen,
     )
 
 

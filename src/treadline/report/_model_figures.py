@@ -16,8 +16,7 @@ from matplotlib.ticker import MaxNLocator, NullFormatter
 
 from treadline.core.angles import DEG
 from treadline.core.arrays import NORMAL_95, decimated
-from treadline.core.transfer_function import TimeResponse, unwrapped_phase
-from treadline.identification.stabilisation import StabilisationDiagram
+from treadline.core.transfer_function import StabilisationDiagram, TimeResponse, unwrapped_phase
 from treadline.report._model_runs import answering
 from treadline.report.labels import ColumnLabel
 from treadline.report.svg_figures import BLUE, GREEN, GREY, ORANGE, RED, STYLE, WIDTH_IN, plain_log_labels
@@ -86,10 +85,10 @@ def singular_values(values: Float[np.ndarray, " k"], order: int, noise: float | 
 
 
 @mpl.rc_context(STYLE)
-def stabilisation(diagram: StabilisationDiagram, order: int, nyquist_hz: float) -> Figure:
+def stabilisation(diagram: StabilisationDiagram) -> Figure:
     """Return frequency against order, and damping against frequency."""
     figure, ((left, right),) = _grid(1, 2, 3.0)
-    inside = diagram.frequency_hz <= nyquist_hz
+    inside = diagram.frequency_hz <= diagram.nyquist_hz
     both = inside & diagram.damping_stable
     one = inside & diagram.frequency_stable & ~both
     new = inside & ~diagram.frequency_stable
@@ -97,8 +96,8 @@ def stabilisation(diagram: StabilisationDiagram, order: int, nyquist_hz: float) 
     left.plot(f[new], diagram.order[new], "x", color=GREY, markersize=3.5, markeredgewidth=0.8, label="new")
     left.plot(f[one], diagram.order[one], "^", color=ORANGE, markersize=4.5, label="stable in frequency")
     left.plot(f[both], diagram.order[both], "o", color=BLUE, markersize=4, label="and in damping")
-    left.axhline(order, color=BLUE, linestyle=":", linewidth=1.2)
-    left.set_ylim(0.0, float(diagram.order.max(initial=order)) * 1.22 + 1.0)
+    left.axhline(diagram.chosen, color=BLUE, linestyle=":", linewidth=1.2)
+    left.set_ylim(0.0, float(diagram.order.max(initial=diagram.chosen)) * 1.22 + 1.0)
     left.legend(loc="upper center", ncols=3, fontsize=7.5, handletextpad=0.2, columnspacing=0.8)
     left.set_ylabel("order [–]")
     left.yaxis.set_major_locator(MaxNLocator(integer=True))
@@ -110,7 +109,7 @@ def stabilisation(diagram: StabilisationDiagram, order: int, nyquist_hz: float) 
     right.axhline(0.0, color=GREY, linewidth=0.8)
     right.set_ylabel("damping [% of critical]")
     for ax in (left, right):
-        ax.set_xlim(0.0, nyquist_hz)
+        ax.set_xlim(0.0, diagram.nyquist_hz)
         ax.set_xlabel("natural frequency [Hz]")
     return figure
 

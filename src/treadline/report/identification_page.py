@@ -21,7 +21,6 @@ from treadline.core.model_scores import compare
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.core.other_libraries import as_matlab, as_python, as_transfer_function
 from treadline.identification import IdentificationReport
-from treadline.identification.stabilisation import StabilisationDiagram
 from treadline.report import _model_figures as figures
 from treadline.report import _model_runs as runs
 from treadline.report.html_pages import page_of
@@ -50,7 +49,7 @@ def write_identification_page(
     *,
     title: str,
     intervals: Any | None = None,
-    stabilisation: StabilisationDiagram | None = None,
+    stabilisation: transfer.StabilisationDiagram | None = None,
 ) -> None:
     """Write one HTML file that shows an identification and needs nothing else.
 
@@ -78,7 +77,7 @@ class _Page:
     judged: Sequence[InputOutputRecord]
     judge: LinearModel
     intervals: Any | None
-    stabilisation: StabilisationDiagram | None
+    stabilisation: transfer.StabilisationDiagram | None
     notes: list[str] = field(default_factory=list)
     drawn: dict[str, Figure] = field(default_factory=dict)
     values: dict[str, Any] = field(default_factory=dict)
@@ -145,7 +144,7 @@ class _Page:
         if values.size and values[0] > 0.0:
             self.drawn["hankel"] = figures.singular_values(values, self.model.order, self.said.noise_level)
         if self.stabilisation is not None and self.stabilisation.order.size:
-            self.drawn["stabilisation"] = figures.stabilisation(self.stabilisation, self.model.order, 0.5 / self.model.dt_s)
+            self.drawn["stabilisation"] = figures.stabilisation(self.stabilisation)
 
     def _responses(self) -> None:
         p, m, dt_s = len(self.drawn_out), len(self.drawn_in), self.model.dt_s

@@ -11,7 +11,7 @@ from treadline.core.errors import SettingsError
 from treadline.core.files import write_whole
 from treadline.core.model_scores import Comparison
 from treadline.core.models import LinearModel
-from treadline.core.transfer_function import FrequencyResponse, TimeResponse
+from treadline.core.transfer_function import FrequencyResponse, StabilisationDiagram, TimeResponse
 from treadline.report import _model_figures as figures
 from treadline.report._model_runs import cut
 from treadline.report.labels import ColumnLabel, channel
@@ -22,7 +22,7 @@ FORMATS = (".svg", ".png", ".pdf")
 
 
 def figure_of(item: object) -> Figure:
-    """Return the figure of a model, a response, a comparison, a walk, or of a picture.
+    """Return the figure of a model, a response, a comparison, a stabilisation diagram, a walk, or of a picture.
 
     A model has step response, magnitude and phase of each output in three rows, one column per input. A free run of a comparison is
     cut where it leaves the data.
@@ -41,6 +41,8 @@ def figure_of(item: object) -> Figure:
         case LinearModel():
             response = item.bode()
             return figures.bode((response.frequency_hz, response.response), *_labels(response), step=item.step())
+        case StabilisationDiagram():
+            return figures.stabilisation(item)
         case Comparison():
             shown, ahead = (cut(values, item.measured)[0] for values in (item.modelled, item.ahead))
             labels = [channel(name) for name in item.percent]
