@@ -33,6 +33,7 @@ from treadline.identification._fitting import CandidateScore, FittedSystem, Fitt
 from treadline.identification._gram import Gram, units_of
 from treadline.identification._limits import HALF, RECENT, ROUNDING
 from treadline.identification._model_order import gap_at
+from treadline.identification._operating_points import second_operating_point
 from treadline.identification._pole_intervals import MEMORY_PER_LAG, ConfidenceIntervals, of_observer, of_predicting, of_refined
 from treadline.identification._skid_steer import SkidSteer, TurnFit, turn_fit
 from treadline.identification._threads import one_thread
@@ -438,6 +439,8 @@ class Identified(Printable):
                 found.append(f"a free run explains '{name}' worse than its mean does ({value:.0f} %)")
         if max(*report.percent.values(), *report.one_step_vaf_percent.values()) < FIT_PERCENT_MIN:
             found.append("the model explains next to nothing: the inputs hardly move these outputs, or not linearly")
+        if radius < 1.0 - 1e-3:
+            found += second_operating_point(self.free, self.fitted, self.judged)
         if self.judged is not self.fitted:
             found += _low_motion_warnings(self.model, self.fitted, self.judged)
         white, crossed = report.whiteness_p, report.crosscorrelation_p
