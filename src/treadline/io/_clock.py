@@ -18,8 +18,8 @@ from treadline.core.errors import PeriodMismatch
 
 IRREGULAR = 0.05
 """Largest relative deviation of a sampling interval from the period."""
-SLOWEST_S = 1.0
-"""Longest period of logs of vehicles: that of GPS receivers [s]."""
+WHOLE_STEP = 10.0
+"""Step of whole numbers from which on they are hardly seconds: milliseconds at 100 Hz; tanks and heaters are logged every 1 to 4 s."""
 _UNITS = {
     1.0: "s sec secs second seconds",
     1e3: "ms msec msecs millis millisecond milliseconds",
@@ -115,11 +115,11 @@ class Seconds:
     def _ticks_per_second(self, ticks: Ticks) -> float:
         """Return the unit of a clock: by the digits of a time since 1970, by the period that is given, or seconds.
 
-        Loggers write finer units as whole numbers, and seconds with decimals unless the period is a whole number of seconds. Where
-        that is longer than in a log of a vehicle, it has to be given.
+        Loggers write finer units as whole numbers, and seconds with decimals unless the period is a whole number of seconds. A long
+        one has to be given.
 
         Raises:
-            PeriodMismatch: If all times are whole numbers, more than a second apart, and no period was given.
+            PeriodMismatch: If all times are whole numbers, ten or more apart, and no period was given.
         """
         first, last, step = float(ticks[0]), float(ticks[-1]), float(np.median(np.diff(ticks))) if len(ticks) > 1 else 0.0
         units = [per_s for per_s in _UNITS if per_s >= 1.0]
@@ -128,8 +128,8 @@ class Seconds:
         given, period_s = [], self._period_s
         if period_s is not None:
             given = [per_s for per_s in units if abs(step / per_s - period_s) <= IRREGULAR * period_s]
-        elif not since and step > SLOWEST_S and not np.mod(ticks, 1).any():
-            finer = next(per_s for per_s in units if step / per_s <= SLOWEST_S or per_s == units[-1])
+        elif not since and step >= WHOLE_STEP and not np.mod(ticks, 1).any():
+            finer = next(per_s for per_s in units if step / per_s <= 1.0 or per_s == units[-1])
             raise PeriodMismatch(
                 f"{self._file}: column '{self.clock.name}' steps by {step:g} s; if it counts {_UNITS[finer].split()[-1]}, give "
                 f"--period {step / finer:g} or name it t_{_UNITS[finer].split()[0]}; if seconds, give --period {step:g}"
