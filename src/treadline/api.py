@@ -6,7 +6,7 @@ Nothing heavy is imported at the top: each function loads what it needs.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias, Unpack
+from typing import TYPE_CHECKING, TypeAlias, Unpack, overload
 
 from treadline.core.errors import ModelError, SettingsError, TreadlineError, closest
 from treadline.core.printing import Printable
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from treadline.core.models import ControllerDesign, InputOutputRecord, LinearModel, Reconstruct
     from treadline.identification import IdentificationOptions, Identified
     from treadline.identification.options import IdentificationKeywords
+    from treadline.identification.output_only import OutputModes
     from treadline.run.episode import Traverse
     from treadline.run.resolve import ControllerSource, DetectorSource, EstimatorSource, Opener, PlantName
     from treadline.run.run_scores import Scores
@@ -103,6 +104,16 @@ def check(scenario: "str | Path | Scenario", *, set: "Mapping[str, object] | Non
     return checked(read_scenario(scenario, set=set))
 
 
+@overload
+def identify(
+    u: None,
+    y: "ArrayLike | Sequence[ArrayLike]",
+    dt: float,
+    *,
+    channels_first: bool = False,
+    **keywords: "Unpack[IdentificationKeywords]",
+) -> "OutputModes": ...
+@overload
 def identify(
     u: "Data | Sequence[Data]",
     y: "ArrayLike | Sequence[ArrayLike] | None" = None,
@@ -115,7 +126,20 @@ def identify(
     resample: bool = False,
     allow_gaps: bool = False,
     **keywords: "Unpack[IdentificationKeywords]",
-) -> "Identified":
+) -> "Identified": ...
+def identify(
+    u: "Data | Sequence[Data] | None",
+    y: "ArrayLike | Sequence[ArrayLike] | None" = None,
+    dt: float | None = None,
+    options: "IdentificationOptions | None" = None,
+    *,
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+    channels_first: bool = False,
+    resample: bool = False,
+    allow_gaps: bool = False,
+    **keywords: "Unpack[IdentificationKeywords]",
+) -> "Identified | OutputModes":
     """Return the linear model x[k+1] = Ax[k] + Bu[k], y[k] = Cx[k] + Du[k] that fits recorded data.
 
     The data are one experiment, or a list of experiments, in one of these forms:
@@ -124,6 +148,7 @@ def identify(
     * ``u``: a file (CSV, NPZ, MAT, Parquet, MCAP, ROS bag) or a run folder, or a data frame with all columns, with ``inputs`` and
       ``outputs``; of a file without them, belt speeds ``left_m_s`` and ``right_m_s``, ``heading_rad`` and ``yaw_rate_rad_s``.
     * ``u``: a ``treadline.core.models.InputOutputRecord``, or a ``TimeResponseData`` of python-control.
+    * ``u``: None, and ``y``; or a file with ``inputs=[]`` and ``outputs``: outputs alone, of a plant that noise drives.
 
     Args:
         u: Inputs, or whole experiments.
@@ -139,7 +164,8 @@ def identify(
 
     Returns:
         ``.model``, the ``LinearModel``, and ``.report``, its quality with warnings. Both offer ``simulate``, ``predict``,
-        ``compare``, ``step``, ``bode``, ``plot`` and more.
+        ``compare``, ``step``, ``bode``, ``plot`` and more. Of outputs alone the modes, an ``OutputModes``: natural frequency and
+        damping of each.
 
     Raises:
         RecordError: If the data cannot carry what is asked, or a file holds no such data.
@@ -155,17 +181,26 @@ def identify(
         array([[1.]])
         >>> tl.identify([u, u], [y, y], 0.25, order=1, method="okid-era", lags=2).report.samples
         396
+        >>> swing = np.zeros(2000)
+        >>> for k in range(2, 2000):
+        ...     swing[k] = 1.9 * swing[k - 1] - 0.98 * swing[k - 2] + u[k % 200, 0]
+        >>> tl.identify(None, swing, 0.1, order=2).frequency_hz.round(2)
+        array([0.46])
     """
     from treadline.identification import identify as identified
     from treadline.io.experiments import Reading, experiments_of
 
     chosen = _options(options, keywords)
-    if bool(inputs) != bool(outputs):
-        raise SettingsError(f"{'inputs' if inputs else 'outputs'} are named alone; name inputs and outputs, or neither")
-    columns = (tuple(inputs), tuple(outputs)) if inputs and outputs else None
+    if (inputs is None) != (not outputs):
+        raise SettingsError(f"{'outputs' if outputs else 'inputs'} are named alone; name inputs and outputs, or neither")
+    columns = (tuple(inputs), tuple(outputs)) if inputs is not None and outputs else None
     how = Reading(period_s=dt, resample=resample, allow_gaps=allow_gaps)
     records = experiments_of(u, y, how, columns, channels_first=channels_first)
-    return identified(records, chosen)
+    if any(record.u.shape[1] for record in records):
+        return identified(records, chosen)
+    from treadline.identification.output_only import output_modes
+
+    return output_modes(records, chosen)
 
 
 def _options(options: "IdentificationOptions | None", keywords: "IdentificationKeywords") -> "IdentificationOptions":

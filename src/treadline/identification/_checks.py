@@ -60,11 +60,12 @@ def check_integers(**numbers: object) -> None:
             raise SettingsError(f"{name} is {given}; it must be an integer, at least 1")
 
 
-def check_alike(records: list[InputOutputRecord], *, parts: bool = False) -> None:
+def check_alike(records: list[InputOutputRecord], *, parts: bool = False, outputs_alone: bool = False) -> None:
     """Check that records hold finite numbers and have the same channels and period.
 
     Args:
         parts: Whether the records are parts of longer ones (see ``check_records``).
+        outputs_alone: Whether the records may have no inputs.
 
     Raises:
         RecordError: With the record, the column and the number.
@@ -73,7 +74,7 @@ def check_alike(records: list[InputOutputRecord], *, parts: bool = False) -> Non
     first = records[0]
     if not all(len(record) for record in records):
         raise PoorExcitation("a record holds no samples; give a longer one")
-    _check_channels(first)
+    _check_channels(first, outputs_alone=outputs_alone)
     for index, record in enumerate(records):
         where = f"record {index + 1}: " if len(records) > 1 else ""
         if record.u.shape[1:] != first.u.shape[1:] or record.y.shape[1:] != first.y.shape[1:]:
@@ -83,9 +84,9 @@ def check_alike(records: list[InputOutputRecord], *, parts: bool = False) -> Non
         _check_finite(record, where, parts=parts)
 
 
-def _check_channels(first: InputOutputRecord) -> None:
+def _check_channels(first: InputOutputRecord, *, outputs_alone: bool) -> None:
     for kind, count, names in (("inputs", first.u.shape[1], first.input_names), ("outputs", first.y.shape[1], first.output_names)):
-        if count == 0:
+        if count == 0 and not (outputs_alone and kind == "inputs"):
             raise ShapeMismatch(f"the record has no {kind}; give at least one")
         if names and len(names) != count:
             raise ShapeMismatch(f"the record has {count} {kind} but {len(names)} names of {kind}")

@@ -19,7 +19,7 @@ from treadline.core.errors import PeriodMismatch
 IRREGULAR = 0.05
 """Largest relative deviation of a sampling interval from the period."""
 WHOLE_STEP = 10.0
-"""Step of whole numbers from which on they are hardly seconds: milliseconds at 100 Hz; tanks and heaters are logged every 1 to 4 s."""
+"""Step of whole numbers from which on they are hardly seconds: a logger's of 100 Hz in ms; tanks are logged each 1 to 4 s."""
 _UNITS = {
     1.0: "s sec secs second seconds",
     1e3: "ms msec msecs millis millisecond milliseconds",

@@ -9,7 +9,7 @@ import numpy as np
 
 from treadline.core.errors import PeriodMismatch, RecordError, ShapeMismatch, closest
 from treadline.core.models import InputOutputRecord
-from treadline.core.state_space import record_of
+from treadline.core.state_space import record_of, samples_of
 from treadline.io._clock import IRREGULAR
 from treadline.io._tables import shortest_decimal
 from treadline.io.records import COLUMNS, read_record
@@ -30,8 +30,8 @@ def experiments_of(u: Any, y: Any, how: Reading, columns: Columns | None, *, cha
     """Return one record for each experiment.
 
     Args:
-        u: Inputs, or whole experiments: a file, a run folder, a data frame with all columns, a record, or a time response of
-            python-control; a list of experiments of one kind.
+        u: Inputs; None for outputs alone; or whole experiments: a file, a run folder, a data frame with all columns, a record, or
+            a time response of python-control; a list of experiments of one kind.
         y: Outputs; None where ``u`` holds whole experiments.
         how: Period and options of files; the period may be None for records, and for files with a time column.
         columns: Columns of files, ``COLUMNS`` when None, and of whole data frames; names of the channels of arrays.
@@ -44,6 +44,8 @@ def experiments_of(u: Any, y: Any, how: Reading, columns: Columns | None, *, cha
     responses = u if isinstance(u, list) else [u]
     if responses and all(hasattr(item, "ntraces") for item in responses):
         u = [record for item in responses for record in _traces(item)]
+    if u is None and _is_several(y):
+        u = [None] * len(y)
     given, answers = (list(u), y) if _is_several(u) else ([u], [y])
     if answers is None:
         answers = [None] * len(given)
@@ -75,7 +77,7 @@ def _is_several(given: Any) -> bool:
     """Whether data are several experiments: a list of files, records, frames or two-dimensional arrays, or of unequal arrays."""
     if not isinstance(given, Sequence) or isinstance(given, str) or not given:
         return False
-    if all(isinstance(item, InputOutputRecord | str | Path) or hasattr(item, "to_numpy") for item in given):
+    if all(item is None or isinstance(item, InputOutputRecord | str | Path) or hasattr(item, "to_numpy") for item in given):
         return True
     if not all(isinstance(item, np.ndarray) for item in given):
         return np.ndim(given[0]) >= 2
@@ -91,6 +93,9 @@ def _record(u: Any, y: Any, how: Reading, columns: Columns | None, *, channels_f
         if columns is None or not hasattr(u, "to_numpy"):
             raise RecordError("y is missing; give inputs and outputs, a data frame with inputs= and outputs=, or a file")
         u, y = (_selected(u, names) for names in columns)
+    if u is None:
+        samples = len(samples_of("y", y, channels_first=channels_first)[0])
+        u = np.empty((0, samples) if channels_first else (samples, 0))
     if how["period_s"] is None:
         raise RecordError("dt is missing; give the sampling period in seconds: tl.identify(u, y, 0.05)")
     record = record_of(u, y, how["period_s"], channels_first=channels_first)
