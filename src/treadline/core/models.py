@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from treadline.core.model_scores import Comparison
-    from treadline.core.transfer_function import FrequencyResponse, Margins, TimeResponse
+    from treadline.core.transfer_function import FrequencyResponse, LoopMargins, TimeResponse
 
 __all__ = ["BAG_SUFFIXES", "LOG_SUFFIXES", "ControllerDesign", "InputOutputRecord", "LinearModel", "Reconstruct"]
 Reconstruct = Literal["observer", "static"]
@@ -362,7 +362,7 @@ class LinearModel(StateSpaceModel, Printable, Plottable):
 
         return transfer_function(self.pair(output, given))
 
-    def margins(self, output: int = 0, given: int = 0) -> "Margins":
+    def margins(self, output: int = 0, given: int = 0) -> "LoopMargins":
         """Return gain and phase margin of a loop that feeds one output back to one input, negatively.
 
         Args:

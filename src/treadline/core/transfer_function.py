@@ -277,7 +277,7 @@ def bode(model: StateSpaceModel, frequency_hz: Sequence[float] | Float[np.ndarra
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Margins:
+class LoopMargins:
     """Stability margins of a loop gain L(z) that is closed by negative feedback.
 
     Examples:
@@ -299,7 +299,7 @@ class Margins:
     """Frequency of that pole [Hz]; NaN without one."""
 
 
-def margins(model: StateSpaceModel) -> Margins:
+def margins(model: StateSpaceModel) -> LoopMargins:
     """Return the stability margins of the first input and output, as ``LinearModel.margins`` states."""
     from scipy.optimize import brentq  # heavy
 
@@ -320,7 +320,7 @@ def margins(model: StateSpaceModel) -> Margins:
     gain, gain_at = min(turned, key=lambda item: abs(math.log(item[0])), default=(math.inf, math.nan))
     phase, phase_at = min(unit, key=lambda item: abs(item[0]), default=(math.inf, math.nan))
     turns = 2.0 * math.pi * model.dt_s
-    return Margins(gain=gain, gain_frequency_hz=gain_at / turns, phase_rad=phase, phase_frequency_hz=phase_at / turns)
+    return LoopMargins(gain=gain, gain_frequency_hz=gain_at / turns, phase_rad=phase, phase_frequency_hz=phase_at / turns)
 
 
 def unwrapped_phase(response: Complex[np.ndarray, "w ..."]) -> Float[np.ndarray, "w ..."]:

@@ -17,7 +17,7 @@ from treadline.identification._limits import HALF
 
 APART = 3.0
 """Distance of two means, in standard deviations within the parts, from which on hardly a sample of one part lies in the other."""
-MISFIT_LEAST = 0.1
+REMOVED_LEAST = 0.1
 """Error that another gain and offset remove, as a share of an output's variance, from which on it matters: a fit below 68 %."""
 
 
@@ -44,9 +44,9 @@ def second_operating_point(
     apart = gap**2 > np.maximum(APART**2 * variance, 1e-18 * np.abs(means).max(axis=0) ** 2)  # rounding is no distance
     if not apart.any():
         return []
-    misfit, slope, offset = np.stack([_another_gain(model, records) for records in parts], axis=1)
-    side, i = np.unravel_index(int(np.argmax(misfit)), misfit.shape)
-    if not misfit[side, i] > MISFIT_LEAST:
+    removed, slope, offset = np.stack([_another_gain(model, records) for records in parts], axis=1)
+    side, i = np.unravel_index(int(np.argmax(removed)), removed.shape)
+    if not removed[side, i] > REMOVED_LEAST:
         return []
     j = int(np.argmax(apart))
     return [

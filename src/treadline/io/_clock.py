@@ -3,7 +3,7 @@
 A name is split into words: ``t_s``, ``Time (ms)``, ``__time``, ``elapsed_us``, ``header.stamp``; the last may be a unit. Seconds
 and nanoseconds may stand in two columns (``stamp.sec``, ``stamp.nanosec``). Without a unit, or where a name says seconds, a number
 of ten, 13, 16 or 19 digits is the time since 1970 in s, ms, µs or ns; else the period that is asked for decides, else the unit is
-the second, unless the steps speak against it.
+the second, unless the steps contradict it.
 """
 
 import re
