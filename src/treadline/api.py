@@ -6,7 +6,7 @@ Nothing heavy is imported at the top: each function loads what it needs.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias, Unpack, overload
+from typing import TYPE_CHECKING, Any, TypeAlias, Unpack
 
 from treadline.core.errors import ModelError, SettingsError, TreadlineError, closest
 from treadline.core.printing import Printable
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from treadline.core.models import ControllerDesign, InputOutputRecord, LinearModel, Reconstruct
     from treadline.identification import IdentificationOptions, Identified
     from treadline.identification.options import IdentificationKeywords
-    from treadline.identification.output_only import OutputModes
     from treadline.run.episode import Traverse
     from treadline.run.resolve import ControllerSource, DetectorSource, EstimatorSource, Opener, PlantName
     from treadline.run.run_scores import Scores
@@ -104,29 +103,6 @@ def check(scenario: "str | Path | Scenario", *, set: "Mapping[str, object] | Non
     return checked(read_scenario(scenario, set=set))
 
 
-@overload
-def identify(
-    u: None,
-    y: "ArrayLike | Sequence[ArrayLike]",
-    dt: float,
-    *,
-    channels_first: bool = False,
-    **keywords: "Unpack[IdentificationKeywords]",
-) -> "OutputModes": ...
-@overload
-def identify(
-    u: "Data | Sequence[Data]",
-    y: "ArrayLike | Sequence[ArrayLike] | None" = None,
-    dt: float | None = None,
-    options: "IdentificationOptions | None" = None,
-    *,
-    inputs: Sequence[str] | None = None,
-    outputs: Sequence[str] | None = None,
-    channels_first: bool = False,
-    resample: bool = False,
-    allow_gaps: bool = False,
-    **keywords: "Unpack[IdentificationKeywords]",
-) -> "Identified": ...
 def identify(
     u: "Data | Sequence[Data] | None",
     y: "ArrayLike | Sequence[ArrayLike] | None" = None,
@@ -139,7 +115,7 @@ def identify(
     resample: bool = False,
     allow_gaps: bool = False,
     **keywords: "Unpack[IdentificationKeywords]",
-) -> "Identified | OutputModes":
+) -> "Identified":
     """Return the linear model x[k+1] = Ax[k] + Bu[k], y[k] = Cx[k] + Du[k] that fits recorded data.
 
     The data are one experiment, or a list of experiments, in one of these forms:
@@ -200,7 +176,8 @@ def identify(
         return identified(records, chosen)
     from treadline.identification.output_only import output_modes
 
-    return output_modes(records, chosen)
+    modes: Any = output_modes(records, chosen)  # for type checkers, the result is that of data with inputs
+    return modes
 
 
 def _options(options: "IdentificationOptions | None", keywords: "IdentificationKeywords") -> "IdentificationOptions":

@@ -8,7 +8,6 @@ import numpy as np
 from scipy import signal
 
 from treadline.core.errors import ModelError
-from treadline.core.sampling import continuous
 from treadline.core.state_space import StateSpaceModel
 
 LIBRARIES = ("control", "scipy")
@@ -26,7 +25,11 @@ def statespace(model: StateSpaceModel, library: str | None = None, *, in_continu
     chosen = library or ("control" if there else "scipy")
     if chosen not in LIBRARIES:
         raise ModelError(f"library is {library!r}; allowed: {', '.join(LIBRARIES)}")
-    matrices = continuous(model) if in_continuous_time else with_delay_states(model)
+    if in_continuous_time:
+        from treadline.core.sampling import continuous as matrices_of
+    else:
+        matrices_of = with_delay_states
+    matrices = matrices_of(model)
     if chosen == "scipy":
         return signal.StateSpace(*matrices, **({} if in_continuous_time else {"dt": model.dt_s}))
     if not there:
