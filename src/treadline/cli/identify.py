@@ -157,7 +157,7 @@ def identify(logs: list[Path], /, *, options: IdentifyOptions = DEFAULTS, out: P
     except TooFewSamples as error:
         kept = "" if options.validate is None else f"; --validate {options.validate:g} keeps that share of each record back"
         raise TooFewSamples(f"{_titled(logs)}: {error}{kept}") from None
-    return _answer(found, options, _written(found, logs, options, out))
+    return _answer(found, _written(found, logs, options, out))
 
 
 def _check(logs: Sequence[Path], asked: IdentifyOptions) -> None:
@@ -257,7 +257,7 @@ def _written(found: "Identified", logs: Sequence[Path], asked: IdentifyOptions, 
     return written
 
 
-def _answer(found: "Identified", asked: IdentifyOptions, written: dict[str, str]) -> Answer:
+def _answer(found: "Identified", written: dict[str, str]) -> Answer:
     from treadline.core.printing import percent_text
 
     report, vehicle = found.report, found.report.skid_steer

@@ -21,8 +21,8 @@ from treadline.core.errors import RecordError
 from treadline.core.model_scores import TESTED_SAMPLES_MIN, Comparison, compare
 from treadline.core.models import EXPLAINED, InputOutputRecord, LinearModel
 from treadline.core.printing import Printable, p_text, percent_text, plain
-from treadline.core.turning import NAME_PRIOR, YAW_GAIN, turn_channels, turn_faults
 from treadline.core.transfer_function import StabilisationDiagram, is_unstable
+from treadline.core.turning import NAME_PRIOR, YAW_GAIN, turn_channels, turn_faults
 from treadline.identification._affine import of_model
 from treadline.identification._belts import DifferentialInput
 from treadline.identification._checks import FEW_SAMPLES, excitation_order, insufficient_excitation
