@@ -37,9 +37,10 @@ class ObserverMarkov:
         lags, p, m = self.alpha.shape
         rng = np.random.default_rng(0)
         # The coefficients' covariance is the inverse Gram matrix times the residual covariance.
-        root = np.linalg.cholesky(self.information + ROUNDING * np.diag(np.diag(self.information)))
-        size, W = np.linalg.eigh(self.residual_covariance)
-        white = rng.standard_normal((count, len(root), p)) * np.sqrt(np.maximum(size, 0.0)) @ W.T
+        size = np.diag(self.information)
+        root = np.linalg.cholesky(self.information + ROUNDING * len(size) * np.diag(size))  # rounding grows with the size
+        variances, W = np.linalg.eigh(self.residual_covariance)
+        white = rng.standard_normal((count, len(root), p)) * np.sqrt(np.maximum(variances, 0.0)) @ W.T
         first = len(root) - lags * (m + p)
         for one in white:
             errors = solve_triangular(root, one, lower=True, trans="T", check_finite=False)
