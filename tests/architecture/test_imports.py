@@ -113,9 +113,9 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     camera = {"width": 160, "height": 120, "fx_px": 144.0, "fy_px": 144.0, "cx_px": 79.5, "cy_px": 59.5}
     (folder / "camera.toml").write_text("\n".join(f"{key} = {value}" for key, value in camera.items()))
     rng = np.random.default_rng(1)
-    u, y = rng.normal(size=(300, 2)), np.zeros((300, 2))
+    u, y = 0.3 * rng.normal(size=(300, 2)), np.zeros((300, 2))
     for k in range(299):
-        y[k + 1] = [0.9 * y[k, 0] + 0.1 * (u[k, 1] - u[k, 0]), 0.5 * y[k, 1] + 0.2 * (u[k, 1] - u[k, 0])]
+        y[k + 1] = [y[k, 0] + 0.25 * y[k, 1], 0.5 * y[k, 1] + 0.2 * (u[k, 1] - u[k, 0])]
     table = np.column_stack([0.25 * np.arange(300), u, y + 1e-3 * rng.normal(size=y.shape)])
     header = "t_s,left_m_s,right_m_s,heading_rad,yaw_rate_rad_s"
     np.savetxt(folder / "record.csv", table, delimiter=",", header=header, comments="")
@@ -147,7 +147,7 @@ print(json.dumps([code, [name for name in sys.modules if name.split(".")[0] == "
     [
         ("see depth.png --camera camera.toml", 8700, ()),
         ("identify record.csv --method okid-era --no-page --out model.json", 7270, ()),
-        ("identify record.csv --method okid-era --out paged.json", 8600, IDENTIFICATION_PAGE),
+        ("identify record.csv --method okid-era --out paged.json", 8780, IDENTIFICATION_PAGE),
         ("tune model.json --out controller.json", 3320, ()),
         ("check paper-28", 15530, PLANNERS),
     ],

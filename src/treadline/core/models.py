@@ -186,7 +186,7 @@ class LinearModel(StateSpaceModel, Printable, Plottable):
         """Return how well the model reproduces measured data: fit, tests of the residuals, ``plot()``.
 
         A free run starts from the state that the first tenth of the data determines, and is scored after it. For an unstable
-        model a forecast stands in its place, over as many samples as the model takes to grow twentyfold, ten at least, beside the
+        model a forecast stands in its place, over as many samples as the model takes to grow twentyfold, ten at least, next to the
         fit of outputs that stay as they are. Both are stated in the result.
 
         Args:

@@ -84,7 +84,7 @@ class Member:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Choice:
+class Selection:
     """Members, their distance from the median, and the one chosen."""
 
     members: Sequence[Member]
@@ -132,11 +132,11 @@ def ensemble(fitting: Fitting, orders: Sequence[int] | None, on_progress: Callab
     # A plant is unstable if it grows over the record as much as a slow mode has to decay.
     if np.quantile([one.realised.radius for one in found if one.votes], AGREEING) > 1.0 + DECAYED / length:
         return _unstable(fitting, found)
-    choice = _choice(fitting, experiments, found, length)
-    if _keeps_slow_poles(fitting, experiments, choice.chosen):
+    selection = _selection(fitting, experiments, found, length)
+    if _keeps_slow_poles(fitting, experiments, selection.chosen):
         length = math.inf
-        choice = _choice(fitting, experiments, found, length)
-    system, step = _refined(fitting, experiments, choice.chosen, length)
+        selection = _selection(fitting, experiments, found, length)
+    system, step = _refined(fitting, experiments, selection.chosen, length)
     if step == "inputs-again" and sum(len(item.y) for item in experiments) < fitting.data.count:
         # In pieces with a start of their own: the filters of a long record would not fit into memory.
         pieces = [item.part(at, at + RECENT) for item in fitting.experiments for at in range(0, len(item.y), RECENT)]
@@ -144,16 +144,16 @@ def ensemble(fitting: Fitting, orders: Sequence[int] | None, on_progress: Callab
     explained = _explained(experiments, system)
     if not explained.all():
         system = replace(system, C=system.C * explained[:, None], D=system.D * explained[:, None], K=None)
-    return _made(choice, system, step, explained)
+    return _made(selection, system, step, explained)
 
 
-def _made(choice: Choice, system: Affine, step: str, explained: Bool[np.ndarray, " p"]) -> Ensemble:
-    nearest = sorted(zip(choice.members, choice.distances.tolist(), strict=True), key=lambda item: item[1])
+def _made(selection: Selection, system: Affine, step: str, explained: Bool[np.ndarray, " p"]) -> Ensemble:
+    nearest = sorted(zip(selection.members, selection.distances.tolist(), strict=True), key=lambda item: item[1])
     candidates = [
-        CandidateScore(order=one.order, decay=one.decay, distance=finite_or_none(far), chosen=one is choice.chosen)
+        CandidateScore(order=one.order, decay=one.decay, distance=finite_or_none(far), chosen=one is selection.chosen)
         for one, far in nearest
     ]
-    return Ensemble(candidates=candidates, order=choice.chosen.order, system=system, step=step, explained=explained)
+    return Ensemble(candidates=candidates, order=selection.chosen.order, system=system, step=step, explained=explained)
 
 
 def _realised(fitting: Fitting, decay: float, orders: Sequence[int] | None) -> Iterator[Member]:
@@ -180,7 +180,7 @@ def _orders(fitting: Fitting, states: StateMap) -> list[int]:
     return sorted({int(order) for order in np.linspace(lower, upper, min(ORDERS_TRIED, upper - lower + 1)).round()})
 
 
-def _choice(fitting: Fitting, experiments: Sequence[Experiment], found: Sequence[Member], length: float) -> Choice:
+def _selection(fitting: Fitting, experiments: Sequence[Experiment], found: Sequence[Member], length: float) -> Selection:
     """Return the members worth a refit of their inputs, with poles that decay over a length, and the one chosen."""
     bounded = [one.with_run(stabilised(one.realised, samples=length), experiments) for one in found]
     by_distance = np.argsort(_distances(fitting, bounded), kind="stable").tolist()
@@ -188,7 +188,7 @@ def _choice(fitting: Fitting, experiments: Sequence[Experiment], found: Sequence
     near = [bounded[at] for at in sorted({*by_distance[:REFITTED], *orders.values()})]
     members = [one.with_run(with_inputs_again(one.system, experiments, fitting.fixed), experiments) for one in near]
     distances = _distances(fitting, members)
-    return Choice(members=members, distances=distances, chosen=_smallest(experiments, members, distances))
+    return Selection(members=members, distances=distances, chosen=_smallest(experiments, members, distances))
 
 
 def _distances(fitting: Fitting, members: Sequence[Member]) -> Float[np.ndarray, " members"]:
@@ -246,8 +246,8 @@ def _unstable(fitting: Fitting, members: Sequence[Member]) -> Ensemble:
     """Return the ensemble of an unstable plant: without free runs, which no data of finite precision allow."""
     distances = _from_median(_impulses(fitting, members, fitting.data.lags + 1), np.array([one.votes for one in members]))
     medoid = members[int(np.argmin(distances))]
-    choice = Choice(members=members, distances=distances, chosen=medoid)
-    return _made(choice, medoid.system, "subspace", np.ones(len(medoid.system.C), dtype=np.bool_))
+    selection = Selection(members=members, distances=distances, chosen=medoid)
+    return _made(selection, medoid.system, "subspace", np.ones(len(medoid.system.C), dtype=np.bool_))
 
 
 def _again(fitting: Fitting, system: Affine, part: Sequence[Experiment]) -> Affine:
