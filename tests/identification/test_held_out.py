@@ -11,7 +11,7 @@ from treadline.core.models import InputOutputRecord
 
 
 def robot(seed: int, noise: tuple[float, float], rows: int = 600) -> InputOutputRecord:
-    """Return a drive of a robot with a lag of its yaw rate and an integrator: two states; noise of heading [rad] and rate [rad/s]."""
+    """Return a drive of a robot whose yaw rate lags: two states with the heading; noise of heading [rad] and rate [rad/s]."""
     rng, decay, period_s = np.random.default_rng(seed), 0.8, 0.05
     u = np.repeat(rng.uniform(-0.6, 0.6, (rows // 10, 2)), 10, axis=0)
     rate = np.zeros(rows)

@@ -296,8 +296,8 @@ def _write_page(found: "Identified", path: Path, logs: Sequence[Path]) -> None:
             found.report,
             found.fitted,
             found.judge.judged,
-            found.judge.free,
             title=_titled(logs),
+            judge=found.judge.free,
             intervals=found.intervals,
             stabilisation=found.stabilisation(),
         )

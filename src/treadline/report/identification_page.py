@@ -45,9 +45,9 @@ def write_identification_page(
     report: IdentificationReport,
     records: Sequence[InputOutputRecord],
     judged: Sequence[InputOutputRecord],
-    judge: LinearModel,
     *,
     title: str,
+    judge: LinearModel | None = None,
     intervals: Any | None = None,
     stabilisation: transfer.StabilisationDiagram | None = None,
 ) -> None:
@@ -57,14 +57,14 @@ def write_identification_page(
         report: The report of the identification.
         records: The records that were fitted.
         judged: The records that the figures of fit are of; the longest is drawn.
-        judge: The model that is judged: fitted to other data than these where there are enough.
+        judge: The model that is judged, fitted to other data than these; the model itself when left out.
         intervals: Confidence intervals of the identification, as ``Identified.intervals``.
         stabilisation: The poles of every order, for the stabilisation diagram.
 
     Raises:
         TreadlineError: If the file cannot be written.
     """
-    write_whole(path, _Page(model, report, records, judged, judge, intervals, stabilisation).html(title))
+    write_whole(path, _Page(model, report, records, judged, judge or model, intervals, stabilisation).html(title))
 
 
 @dataclass(eq=False)
