@@ -144,14 +144,20 @@ def candidates(count: int, chosen: int) -> list[CandidateScore]:
 def identification_page(folder: Path, model: LinearModel | None = None, judged: MakeRecord | None = None, **changes: Any) -> str:
     """Return the page of an identification whose model and report are changed; ``title``, ``bare``: those of the page."""
     there = found(changes.pop("names", ONE))
-    model, records = model or there.model, there.fitted if judged is None else [judged()]
+    judge = there.judge.free if model is None and judged is None else None
+    records = [judged()] if judged is not None else there.fitted if judge is None else there.judge.judged
+    said = (
+        "the last third, by a model of the first two" if judge else "the fitted data" if judged is None else "the validation data"
+    )
+    changes = {"judged_on": said, "judged_samples": sum(map(len, records))} | changes
+    model = model or there.model
     fitted = there.fitted if model.D.shape == there.model.D.shape else records
     title, bare = changes.pop("title", "a chair"), changes.pop("bare", False)
     svd = changes.pop("svd", there.svd)
     report = replace(there.report, **({"candidates": candidates(3, 1), "seconds": 0.01} | changes))
     path = folder / "page.html"
     diagram = stabilisation_of_svd(svd, model.dt_s, chosen=model.order)
-    extras = {} if bare else {"intervals": there.intervals, "stabilisation": diagram}
+    extras = {"judge": judge} if bare else {"judge": judge, "intervals": there.intervals, "stabilisation": diagram}
     write_identification_page(path, model, report, fitted, records, title=title, **extras)
     return path.read_text(encoding="utf-8")
 

@@ -138,7 +138,7 @@ def _skill(
     y: Float[np.ndarray, "T p"], forecast: Float[np.ndarray, "T p"], before: Float[np.ndarray, "T p"]
 ) -> Float[np.ndarray, " p"]:
     """Return the share of the squared error of the better of mean and persistence that a forecast explains [%]."""
-    mean = np.nanmean(np.where(np.isfinite(y), y, np.nan), axis=0) if len(y) else np.zeros(y.shape[1])
     known = np.isfinite(y) & np.isfinite(forecast) & np.isfinite(before)
+    mean = np.sum(y, axis=0, where=known) / np.maximum(known.sum(axis=0), 1)
     error, about, moved = (np.sum((y - item) ** 2, axis=0, where=known) for item in (forecast, mean, before))
     return np.asarray(100.0 * (1.0 - error / np.maximum(np.minimum(about, moved), 1e-300)))
