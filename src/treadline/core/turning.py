@@ -5,7 +5,7 @@ as good as any other, and its controller spins the chair.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -13,7 +13,6 @@ from jaxtyping import Float
 from treadline.core.angles import DEG
 from treadline.core.errors import ModelError
 from treadline.core.state_space import StateSpaceModel
-from treadline.core.transfer_function import frequency_response
 
 LEFT, RIGHT = "left", "right"
 HEADING_PREFIXES = ("yaw", "heading")
@@ -90,12 +89,13 @@ def turn_faults(model: StateSpaceModel) -> list[str]:
     signs, turn = belt_signs(model.input_names), turn_channels(model.output_names)
     if signs is None or turn.count == 0:
         return []
-    response = frequency_response(replace(model, input_delay=()), SLOW)
+    turns = np.exp(1j * SLOW)
+    response = model.C @ np.linalg.solve(turns[:, None, None] * np.eye(model.order) - model.A, model.B[None]) + model.D
     rates = {}
     if turn.yaw_rate is not None:
         rates["rate"] = response[:, turn.yaw_rate] * radians(model.output_names[turn.yaw_rate])
     if turn.heading is not None:
-        change = (np.exp(1j * SLOW) - 1.0) / model.dt_s
+        change = (turns - 1.0) / model.dt_s
         rates["heading"] = response[:, turn.heading] * change[:, None] * radians(model.output_names[turn.heading])
     gains = rates["rate" if "rate" in rates else "heading"].real.mean(axis=0)
     found = [*_belt_faults(gains, signs, model), *_interval_fault(model)]
