@@ -160,8 +160,8 @@ def identify(
         >>> swing = np.zeros(2000)
         >>> for k in range(2, 2000):
         ...     swing[k] = 1.9 * swing[k - 1] - 0.98 * swing[k - 2] + u[k % 200, 0]
-        >>> tl.identify(None, swing, 0.1, order=2).frequency_hz.round(1)
-        array([0.46])
+        >>> bool(abs(tl.identify(None, swing, 0.1, order=2).frequency_hz[0] - 0.45) < 0.02)
+        True
     """
     from treadline.identification import identify as identified
     from treadline.io.experiments import Reading, experiments_of
