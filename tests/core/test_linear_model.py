@@ -272,8 +272,8 @@ def test_a_resampled_model_meets_the_outputs_at_the_samples_that_both_have(delay
     np.testing.assert_allclose(back.impulse(40).y, model.impulse(40).y, atol=1e-10)
     with pytest.raises(PeriodMismatch, match="pole at or below zero, and no counterpart at another period"):
         system([[-0.5]], [[1.0]], [[1.0]]).resampled(0.5)
-    with pytest.raises(PeriodMismatch, match="the period is 0 s; it must be positive"):
-        model.resampled(0)
+    with pytest.raises(PeriodMismatch, match=r"the period is 0\.0 s; it must be positive"):
+        model.resampled(0.0)
 
 
 def test_a_model_in_continuous_time_is_sampled_to_the_model() -> None:

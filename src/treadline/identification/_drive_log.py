@@ -371,9 +371,10 @@ def _heading_over_yaw_rate(records: Sequence[InputOutputRecord], heading: int, y
     z = z[np.isfinite(z).all(axis=1)]
     if len(z) < ROWS_PER_PARAMETER:
         return None
-    (changed, cross), (_, turned) = np.cov(z.T)
+    size = np.maximum(np.abs(z).max(axis=0), 1e-300)  # of any unit: squares of large numbers overflow
+    (changed, cross), (_, turned) = np.cov((z / size).T)
     if not chdtrc(1, len(z) * cross**2 / max(changed * turned, 1e-300)) < SIGNIFICANCE:
         return None
     unit = radians(records[0].output_names[heading]) / radians(records[0].output_names[yaw_rate])
-    low, high = sorted((cross / turned * unit, changed / cross * unit))
+    low, high = sorted(size[0] / size[1] * unit * np.array([cross / turned, changed / cross]))
     return float(low), float(high)

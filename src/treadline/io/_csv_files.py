@@ -14,7 +14,7 @@ from gzip import GzipFile
 from io import TextIOWrapper
 from itertools import islice
 from pathlib import Path
-from typing import BinaryIO, TextIO, cast
+from typing import BinaryIO, cast
 
 import numpy as np
 from jaxtyping import Int, Shaped
@@ -70,7 +70,7 @@ class CsvLog(Log):
         check_count(self._file, rows)
 
 
-def _block(file: Path, text: TextIO) -> list[str]:
+def _block(file: Path, text: TextIOWrapper) -> list[str]:
     """Return the next lines of a file; a file without line ends is never read whole."""
     block = list(islice(iter(partial(text.readline, MAX_LINE), ""), BLOCK_ROWS))
     if max(map(len, block), default=0) == MAX_LINE:
