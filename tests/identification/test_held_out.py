@@ -1,5 +1,8 @@
 """Figures of fit are of data that were not fitted; models are as small as the data; unstable ones come with a stable companion."""
 
+import copy
+from multiprocessing.reduction import ForkingPickler
+
 import numpy as np
 import pytest
 from jaxtyping import Float
@@ -80,6 +83,15 @@ def test_an_unstable_model_comes_with_its_stable_companion_and_persistence() -> 
     assert any("stable companion" in line for line in report.warnings)
     with pytest.warns(UserWarning, match="over 900 samples any error grows more than 1000-fold"):
         found.model.simulate(u)
+
+
+def test_a_model_travels_to_another_process_with_its_figures() -> None:
+    found = fit(robot(423, (0.005, 0.01)), order=2, method="pbsid")
+    assert len(ForkingPickler.dumps(found)) > len(ForkingPickler.dumps(found.model)) > 0
+    there = copy.deepcopy(found.model)
+    assert type(there.provenance) is dict
+    assert there.provenance == dict(found.model.provenance)
+    assert copy.deepcopy(found).report.percent == found.report.percent
 
 
 def test_a_stable_model_has_no_companion() -> None:

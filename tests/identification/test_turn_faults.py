@@ -12,7 +12,6 @@ import treadline as tl
 from treadline.core.errors import ModelError, SettingsError
 from treadline.core.models import ControllerDesign, InputOutputRecord
 from treadline.core.turning import turn_faults
-from treadline.experiments.as_printed import paper_model
 
 BELTS, TURNS = ("left_m_s", "right_m_s"), ("heading_unwrapped_rad", "yaw_rate_rad_s")
 Change = Callable[[Float[np.ndarray, "T 2"], Float[np.ndarray, "T 2"]], tuple[Float[np.ndarray, "T 2"], Float[np.ndarray, "T 2"]]]
@@ -83,7 +82,3 @@ def test_a_yaw_gain_that_may_be_zero_is_a_fault() -> None:
     record = drive(75)
     still = replace(record, y=np.random.default_rng(75).normal(size=record.y.shape) * [0.003, 0.01])
     assert any("may be zero" in line for line in turn_faults(tl.identify(still).model))
-
-
-def test_a_printed_model_is_taken_as_it_is() -> None:
-    assert tl.tune(paper_model(0.2), period_s=0.25).period_s == 0.25

@@ -85,18 +85,16 @@ class IdentifyOptions:
     @property
     def input_names(self) -> tuple[str, ...]:
         """Input columns as a list."""
-        return self._columns(0)
+        from treadline.io.runs import INPUTS
+
+        return INPUTS if self.inputs is None else words("--inputs", self.inputs)
 
     @property
     def output_names(self) -> tuple[str, ...]:
         """Output columns as a list."""
-        return self._columns(1)
+        from treadline.io.runs import OUTPUTS
 
-    def _columns(self, side: int) -> tuple[str, ...]:
-        from treadline.io.records import COLUMNS
-
-        given = (self.inputs, self.outputs)[side]
-        return COLUMNS[side] if given is None else words(("--inputs", "--outputs")[side], given)
+        return OUTPUTS if self.outputs is None else words("--outputs", self.outputs)
 
     @property
     def dead_time(self) -> list[int] | int | None:

@@ -99,7 +99,8 @@ def compare(model: StateSpaceModel, record: InputOutputRecord) -> Comparison:
     names = channel_names(model)[1]
     unstable, steps = is_unstable(model), forecast_steps(model, len(record))
     run, scored = fair_run(model, record)
-    before = np.vstack([np.full((steps, record.y.shape[1]), np.nan), record.y[: len(record) - steps]])[: len(record)]
+    before = np.full(record.y.shape, np.nan)
+    before[steps:] = record.y[:-steps]
     with np.errstate(over="ignore", invalid="ignore"):
         ahead, later = predictions(model, record), predictions(model, record, steps)
         residuals = np.where(scored[:, None], record.y - ahead, np.nan)
@@ -130,8 +131,9 @@ def compare(model: StateSpaceModel, record: InputOutputRecord) -> Comparison:
 
 def forecast_steps(model: StateSpaceModel, samples: int) -> int:
     """Return the length of a forecast: ten samples; in an unstable mode's time to grow twentyfold, up to a tenth of all."""
-    growth = math.log(max(spectral_radius(model.A), 1.0 + 1e-12))
-    return max(FORECAST_STEPS, min(round(GROWTH / growth), samples // 10)) if is_unstable(model) else FORECAST_STEPS
+    if not is_unstable(model):
+        return FORECAST_STEPS
+    return max(FORECAST_STEPS, min(round(GROWTH / math.log(spectral_radius(model.A))), samples // 10))
 
 
 def _skill(

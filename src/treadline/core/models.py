@@ -5,7 +5,7 @@ Identification reads an ``InputOutputRecord`` and returns a ``LinearModel``; tun
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
@@ -398,7 +398,7 @@ class LinearModel(StateSpaceModel, Printable, Plottable):
             >>> lag = tl.LinearModel(A=0.5 * one, B=one, C=one, D=0 * one, dt_s=0.1, input_offset=none, output_offset=none)
             >>> lag.save("lag.json")
         """
-        write_json(Path(path), asdict(replace(self, provenance=dict(self.provenance))))
+        write_json(Path(path), asdict(self))
 
     def printed(self) -> tuple[str, list[tuple[str, str]]]:
         """Return order, period, channels and poles."""
@@ -457,8 +457,7 @@ class ControllerDesign(Printable):
 
     def save(self, path: Path | str) -> None:
         """Write the controller as JSON."""
-        model = replace(self.model, provenance=dict(self.model.provenance))
-        write_json(Path(path), asdict(replace(self, model=model)))
+        write_json(Path(path), asdict(self))
 
     @classmethod
     def load(cls, path: Path) -> "ControllerDesign":

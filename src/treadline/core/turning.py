@@ -95,8 +95,8 @@ def turn_faults(model: StateSpaceModel) -> list[str]:
     if turn.yaw_rate is not None:
         rates["rate"] = response[:, turn.yaw_rate] * radians(model.output_names[turn.yaw_rate])
     if turn.heading is not None:
-        change = (turns - 1.0) / model.dt_s
-        rates["heading"] = response[:, turn.heading] * change[:, None] * radians(model.output_names[turn.heading])
+        change = (turns[:, None] - 1.0) / model.dt_s * radians(model.output_names[turn.heading])
+        rates["heading"] = response[:, turn.heading] * change
     gains = rates["rate" if "rate" in rates else "heading"].real.mean(axis=0)
     found = [*_belt_faults(gains, signs, model), *_interval_fault(model)]
     if len(rates) == 2 and (turned := rates["rate"] @ signs).all():
@@ -116,8 +116,7 @@ def _belt_faults(gains: Float[np.ndarray, " 2"], signs: Float[np.ndarray, " 2"],
             f"a faster right belt turns the vehicle to the right ({text}): are left and right exchanged, or angles counted "
             "clockwise? exchange the columns, or negate heading and yaw rate"
         ]
-    in_metres = all("m_s" in name.lower() for name in model.input_names)
-    if in_metres and not GAUGES_M[0] < 1.0 / gain < GAUGES_M[1]:
+    if all("m_s" in name.lower() for name in model.input_names) and not GAUGES_M[0] < 1.0 / gain < GAUGES_M[1]:
         return [
             f"the effective gauge is {1.0 / gain:.3g} m, of vehicles it is {GAUGES_M[0]:g} to {GAUGES_M[1]:g} m: are belts in m/s "
             "and turns in rad/s? convert them"

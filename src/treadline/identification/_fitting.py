@@ -95,10 +95,9 @@ class Fitting:
                 return replace(system, K=np.zeros((n, p))) if system.radius < 1.0 else system
             # An observer slower than this limit and than the plant forgets a wrong initial state too late.
             slowest = max(SLOWEST_OBSERVER, system.radius) if system.radius < 1.0 - 1.0 / len(runs[0].y) else SLOWEST_OBSERVER
-        observed = list(_observed(system))
-        start = next((one for one in observed if one.predictor().radius <= min(slowest, 1.0 - 1e-6)), None)
+        start = next((one for one in _observed(system) if one.predictor().radius <= min(slowest, 1.0 - 1e-6)), None)
         if start is None or not runs:
-            return start or min(observed, key=lambda one: one.predictor().radius)
+            return start or min(_observed(system), key=lambda one: one.predictor().radius)
         # K enters the predictor through A - KC, B - KD and K.
         k = np.eye(n * p).reshape(n, p, n * p)
         change = np.einsum("npk,pj->njk", k, -system.block[n:])

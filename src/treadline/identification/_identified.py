@@ -191,7 +191,7 @@ def bonferroni(p_values: Sequence[float | None]) -> float | None:
 
 
 class JudgedProvenance(Mapping[str, Any]):
-    """Provenance of a model with figures that are computed when they are first read or written."""
+    """Provenance of a model with figures that are computed when they are first read; a copy or a pickle is a plain ``dict``."""
 
     def __init__(self, known: Mapping[str, Any], judge: Callable[[], dict[str, Any]]) -> None:
         self._known, self._judge = known, cached(judge)
@@ -207,6 +207,9 @@ class JudgedProvenance(Mapping[str, Any]):
 
     def __len__(self) -> int:
         return len(self._all())
+
+    def __reduce__(self) -> tuple[type[dict[str, Any]], tuple[dict[str, Any]]]:
+        return dict, (self._all(),)
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
@@ -417,9 +420,7 @@ class Identified(Printable):
     def _companion_percent(self) -> dict[str, float] | None:
         """Return the fit of a free run of the companion of the model that is judged; None for a stable one."""
         companion = self.judge.companion
-        if companion is None:
-            return None
-        return mean_by_output([one.percent for one in compared(companion, self.judge.judged)])
+        return None if companion is None else mean_by_output([one.percent for one in compared(companion, self.judge.judged)])
 
     def _judged_on(self) -> str:
         if self.judge is not self:

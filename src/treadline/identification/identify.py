@@ -6,6 +6,8 @@ Paper: Section IV, VI.B. Check → dead time → Gram matrix → OKID and ERA, P
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
+from typing import Any
 
 from treadline.core import linear_systems
 from treadline.core.errors import DependentInputs, PoorExcitation, SettingsError
@@ -100,10 +102,15 @@ def _identified(log: DriveLog, options: IdentificationOptions, on_progress: Call
         differential=differential,
         log=log,
         name_prior=options.name_prior,
-        again=None if options.prior is not None else lambda **changes: identify(log.records, replace(options, **changes)),
+        again=None if options.prior is not None else partial(_anew, log.records, options),
     )
     by_data = options.order is None and options.delays is None and not options.stable
     return result.with_structure() if method == "best" and by_data else result
+
+
+def _anew(records: list[InputOutputRecord], options: IdentificationOptions, **changes: Any) -> Identified:
+    """Return the identification of records with some options changed."""
+    return identify(records, replace(options, **changes))
 
 
 def _stable(found: FittedSystem) -> Affine:

@@ -12,7 +12,8 @@ from treadline.core.models import InputOutputRecord
 from treadline.core.state_space import record_of, samples_of
 from treadline.io._clock import IRREGULAR
 from treadline.io._tables import shortest_decimal
-from treadline.io.records import COLUMNS, read_record
+from treadline.io.records import read_record
+from treadline.io.runs import INPUTS, OUTPUTS
 
 Columns = tuple[tuple[str, ...], tuple[str, ...]]
 """Names of the inputs and of the outputs."""
@@ -34,7 +35,7 @@ def experiments_of(u: Any, y: Any, how: Reading, columns: Columns | None, *, cha
             a time response of python-control; a list of experiments of one kind.
         y: Outputs; None where ``u`` holds whole experiments.
         how: Period and options of files; the period may be None for records, and for files with a time column.
-        columns: Columns of files, ``COLUMNS`` when None, and of whole data frames; names of the channels of arrays.
+        columns: Columns of files, ``INPUTS`` and ``OUTPUTS`` when None, and of whole data frames; names of the channels of arrays.
         channels_first: Whether arrays have one row per channel instead of one row per sample.
 
     Raises:
@@ -88,7 +89,7 @@ def _record(u: Any, y: Any, how: Reading, columns: Columns | None, *, channels_f
     if isinstance(u, InputOutputRecord):
         return u
     if isinstance(u, str | Path):
-        return read_record(Path(u), *(columns or COLUMNS), **how)
+        return read_record(Path(u), *(columns or (INPUTS, OUTPUTS)), **how)
     if y is None:
         if columns is None or not hasattr(u, "to_numpy"):
             raise RecordError("y is missing; give inputs and outputs, a data frame with inputs= and outputs=, or a file")

@@ -37,8 +37,6 @@ from treadline.io.runs import LOG, RECORD
 
 TIME = "t_s"
 """Name of the time column of a record."""
-COLUMNS = ("left_m_s", "right_m_s"), ("heading_rad", "yaw_rate_rad_s")
-"""Inputs and outputs of a drive: the columns of files for which none are named."""
 DELIMITED = (".csv", ".txt", ".tsv", ".dat", ".gz")
 """Suffixes of delimited text files."""
 ARROW = (".parquet", ".feather")

@@ -35,7 +35,7 @@ LOG = "log.mcap"
 RECORD = "record.csv"
 """File name of the input-output record."""
 INPUTS, OUTPUTS = ("left_m_s", "right_m_s"), ("heading_rad", "yaw_rate_rad_s")
-"""Columns of a record of a drive."""
+"""Columns of a record of a drive, and of files for which none are named."""
 MANIFEST = "manifest.json"
 """File name of the manifest."""
 JOURNAL = "journal.jsonl"
