@@ -4,17 +4,19 @@ Identification reads an ``InputOutputRecord`` and returns a ``LinearModel``; tun
 ``ControllerDesign``. Models and designs are stored as JSON: no code, no pickle.
 """
 
+import io
+import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, cast, get_args
 
 import numpy as np
 from jaxtyping import Complex, Float
 
 from treadline.core.arrays import check_magnitude
 from treadline.core.errors import ModelError, RecordError, SettingsError, TreadlineError
-from treadline.core.files import read_json, write_json
+from treadline.core.files import read_json, write_json, write_whole
 from treadline.core.printing import Plottable, Printable
 from treadline.core.signals import TICK_S, on_the_tick
 from treadline.core.state_space import InputOutputRecord, Provenance, StateSpaceModel, measured, names_of, samples_of, store_checked
@@ -386,7 +388,10 @@ class LinearModel(StateSpaceModel, Printable, Plottable):
         return margins(self.pair(output, given))
 
     def save(self, path: Path | str) -> None:
-        """Write the model as JSON, for ``tl.load_model``; ``treadline identify --out model.mat`` writes a file for MATLAB.
+        """Write the model as JSON, for ``tl.load_model``, or as a MAT file (version 5) for MATLAB if the path ends in ``.mat``.
+
+        A MAT file holds the matrices under their usual names: A, B, C, D, dt, the observer gain K, the offsets u0 and y0, the
+        dead time input_delay of each input in samples (MATLAB's InputDelay), and the names of inputs and outputs.
 
         Raises:
             TreadlineError: If the file cannot be written.
@@ -398,7 +403,19 @@ class LinearModel(StateSpaceModel, Printable, Plottable):
             >>> lag = tl.LinearModel(A=0.5 * one, B=one, C=one, D=0 * one, dt_s=0.1, input_offset=none, output_offset=none)
             >>> lag.save("lag.json")
         """
-        write_json(Path(path), asdict(self))
+        if Path(path).suffix.lower() != ".mat":
+            write_json(Path(path), asdict(self))
+            return
+        from scipy.io import savemat
+
+        gain = {} if self.observer_gain is None else {"K": self.observer_gain}
+        names = {key: np.array(getattr(self, key), dtype=object) for key in ("input_names", "output_names")}
+        variables: dict[str, Any] = {**{name: getattr(self, name) for name in "ABCD"}, **gain, **names}
+        variables |= {"dt": self.dt_s, "u0": self.input_offset, "y0": self.output_offset}
+        variables |= {"input_delay": np.array(self.input_delay, dtype=float), "provenance": json.dumps(dict(self.provenance))}
+        data = io.BytesIO()
+        savemat(cast("Any", data), variables, oned_as="column")
+        write_whole(Path(path), data.getvalue())
 
     def printed(self) -> tuple[str, list[tuple[str, str]]]:
         """Return order, period, channels and poles."""
