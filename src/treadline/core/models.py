@@ -24,9 +24,8 @@ from treadline.core.state_space import InputOutputRecord, Provenance, StateSpace
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from treadline.core.margins import LoopMargins
     from treadline.core.model_scores import Comparison
-    from treadline.core.transfer_function import FrequencyResponse, TimeResponse
+    from treadline.core.transfer_function import FrequencyResponse, LoopMargins, TimeResponse
 
 __all__ = ["BAG_SUFFIXES", "LOG_SUFFIXES", "ControllerDesign", "InputOutputRecord", "LinearModel", "Reconstruct"]
 Reconstruct = Literal["observer", "static"]
@@ -383,7 +382,7 @@ class LinearModel(StateSpaceModel, Printable, Plottable):
             >>> round(lag.margins().gain, 3)
             1.5
         """
-        from treadline.core.margins import margins
+        from treadline.core.transfer_function import margins
 
         return margins(self.pair(output, given))
 
