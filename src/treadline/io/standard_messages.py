@@ -75,16 +75,7 @@ def _by_name(*names: str) -> dict[str, str]:
     return dict(zip(names, names, strict=True))
 
 
-MAYBE_OF_MAP = (
-    "left_wall_m",
-    "right_wall_m",
-    "obstacle_m",
-    "left_edge_m",
-    "right_edge_m",
-    "left_seen_m",
-    "right_seen_m",
-    "turn_rad",
-)
+MAYBE_OF_MAP = tuple(name for name, hint in get_type_hints(signals.StairMap).items() if hint == float | None)
 """Numbers of a stair map that a frame may not show."""
 BELTS = {"left": "left_m_s", "right": "right_m_s"}
 JOINTED: dict[type, _Jointed] = {
@@ -256,8 +247,6 @@ HEADINGS, EVENTS = OWN[signals.HeadingMeasurement].read, "/diagnostics"
 """Topics of recorded heading measurements and of events."""
 STANDARD: dict[tuple[str, str], Read] = {
     **{(OWN[signal].read, JOINTS): _Joints(signal).read for signal in JOINTED},
-    ("/arm/cmd", JOINTS): _Joints(signals.FlipperCommand).read,  # logs of release 0.1
-    ("/arm/state", JOINTS): _Joints(signals.FlipperReading).read,
     (OWN[signals.StairMap].read, JOINTS): _read_map,
     (OWN[signals.HeadingHealth].read, STATUS): _read_health,
     (OWN[signals.MotionPlan].read, STATUS): _read_plan,

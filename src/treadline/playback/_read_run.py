@@ -26,7 +26,6 @@ from treadline.scenario.scenario import Scenario, chair_of_run, scenario_of
 MAPS, COLOUR, TRUTH, IMU = OWN[StairMap].read, "/camera/color/image_raw", OWN[Truth].read, "/imu"
 NUMERIC: dict[str, type] = {
     **{OWN[kind].read: kind for kind in (Truth, HeadingEstimate, TrackCommand, TrackReading, SeatReading, FlipperReading)},
-    "/arm/state": FlipperReading,  # logs of release 0.1
     IMU: ImuSample,
 }
 """Topics of numbers, with the signal that each holds."""
