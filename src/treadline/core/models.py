@@ -4,19 +4,17 @@ Identification reads an ``InputOutputRecord`` and returns a ``LinearModel``; tun
 ``ControllerDesign``. Models and designs are stored as JSON: no code, no pickle.
 """
 
-import io
-import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, cast, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 from jaxtyping import Complex, Float
 
 from treadline.core.arrays import check_magnitude
 from treadline.core.errors import ModelError, RecordError, SettingsError, TreadlineError
-from treadline.core.files import read_json, write_json, write_whole
+from treadline.core.files import read_json, write_json
 from treadline.core.printing import Plottable, Printable
 from treadline.core.signals import TICK_S, on_the_tick
 from treadline.core.state_space import InputOutputRecord, Provenance, StateSpaceModel, measured, names_of, samples_of, store_checked
@@ -24,8 +22,9 @@ from treadline.core.state_space import InputOutputRecord, Provenance, StateSpace
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
+    from treadline.core.margins import LoopMargins
     from treadline.core.model_scores import Comparison
-    from treadline.core.transfer_function import FrequencyResponse, LoopMargins, TimeResponse
+    from treadline.core.transfer_function import FrequencyResponse, TimeResponse
 
 __all__ = ["BAG_SUFFIXES", "LOG_SUFFIXES", "ControllerDesign", "InputOutputRecord", "LinearModel", "Reconstruct"]
 Reconstruct = Literal["observer", "static"]
@@ -382,7 +381,7 @@ class LinearModel(StateSpaceModel, Printable, Plottable):
             >>> round(lag.margins().gain, 3)
             1.5
         """
-        from treadline.core.transfer_function import margins
+        from treadline.core.margins import margins
 
         return margins(self.pair(output, given))
 
@@ -405,16 +404,9 @@ class LinearModel(StateSpaceModel, Printable, Plottable):
         if Path(path).suffix.lower() != ".mat":
             write_json(Path(path), asdict(self))
             return
-        from scipy.io import savemat
+        from treadline.core.other_libraries import write_mat
 
-        gain = {} if self.observer_gain is None else {"K": self.observer_gain}
-        names = {key: np.array(getattr(self, key), dtype=object) for key in ("input_names", "output_names")}
-        variables: dict[str, Any] = {**{name: getattr(self, name) for name in "ABCD"}, **gain, **names}
-        variables |= {"dt": self.dt_s, "u0": self.input_offset, "y0": self.output_offset}
-        variables |= {"input_delay": np.array(self.input_delay, dtype=float), "provenance": json.dumps(dict(self.provenance))}
-        data = io.BytesIO()
-        savemat(cast("Any", data), variables, oned_as="column")
-        write_whole(Path(path), data.getvalue())
+        write_mat(self, Path(path))
 
     def printed(self) -> tuple[str, list[tuple[str, str]]]:
         """Return order, period, channels and poles."""
