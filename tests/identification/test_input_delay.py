@@ -16,7 +16,6 @@ from treadline.core.linear_systems import (
     simulate,
 )
 from treadline.core.models import InputOutputRecord, LinearModel
-from treadline.io.model_files import write_model
 
 SHIFTS = [(0, 0), (3, 0), (1, 5), (30, 30), (70, 2)]
 
@@ -55,11 +54,11 @@ def test_predictions_begin_with_the_first_input_that_acts(plant: LinearModel, sh
 
 def test_files_keep_the_dead_time_and_older_files_have_none(plant: LinearModel, tmp_path: Path) -> None:
     path, delayed = tmp_path / "model.json", replace(plant, input_delay=(30, 2))
-    write_model(delayed, path)
+    delayed.save(path)
     assert LinearModel.load(path).input_delay == (30, 2)
     older = json.loads(path.read_text())
     del older["input_delay"]
     path.write_text(json.dumps(older))
     assert LinearModel.load(path).input_delay == (0, 0)
-    write_model(delayed, tmp_path / "model.mat")
+    delayed.save(tmp_path / "model.mat")
     np.testing.assert_array_equal(loadmat(tmp_path / "model.mat")["input_delay"], [[30.0], [2.0]])

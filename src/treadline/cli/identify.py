@@ -150,6 +150,8 @@ def identify(logs: list[Path], /, *, options: IdentifyOptions = DEFAULTS, out: P
         return _compared(logs, options, options.on, force=force)
     _check(logs, options)
     claim(out, force=force, kind="file")
+    if out.suffix.lower() not in {".json", ".mat"}:
+        raise SettingsError(f"{out}: unsupported model format '{out.suffix.lower()}'; supported: .json, .mat")
     try:
         found = _streamed(logs, options) if _in_chunks(logs, options) else _whole(logs, options)
     except TooFewSamples as error:
@@ -241,9 +243,7 @@ def _reject(asked: IdentifyOptions, names: Iterable[str], why: str) -> None:
 
 def _written(found: "Identified", logs: Sequence[Path], asked: IdentifyOptions, out: Path) -> dict[str, str]:
     """Write model, Gram matrix and page; return the path of each."""
-    from treadline.io.model_files import write_model
-
-    write_model(found.model, out)
+    found.model.save(out)
     written = {"model": str(out)}
     if asked.gram is not None:
         found.gram.save(asked.gram)

@@ -8,6 +8,11 @@ DEG: Final = math.pi / 180.0
 """Radians per degree: ``30 * DEG`` is 30° in radians, ``x / DEG`` is x in degrees."""
 
 
+def degrees_or_none(angle_rad: float | None) -> float | None:
+    """Return an angle in degrees, or None for an unknown one."""
+    return None if angle_rad is None else angle_rad / DEG
+
+
 def wrap(angle_rad: float) -> float:
     """Return the angle wrapped to [-π, π); rounding can give π."""
     return (angle_rad + math.pi) % (2.0 * math.pi) - math.pi

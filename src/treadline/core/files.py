@@ -1,10 +1,13 @@
-"""Files written whole, and JSON read strictly: no part of a file is ever seen, and no number that is not finite."""
+"""Files written whole, JSON read strictly, and users' modules: no part of a file is ever seen, and no number that is not finite."""
 
+import importlib
 import json
 import math
+import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from treadline.core.errors import SettingsError, TreadlineError
@@ -82,3 +85,20 @@ def _whole(text: str) -> int:
     """Return the whole number of a JSON text, which must be small enough to become a float."""
     _finite(text)
     return int(text)
+
+
+def own_module(name: str) -> ModuleType:
+    """Return a user's own module by its name, sought in the working folder first.
+
+    Raises:
+        ImportError: If there is none, or it imports what is missing; also whatever its own code raises.
+    """
+    here = str(Path.cwd())
+    added = here not in sys.path
+    if added:
+        sys.path.insert(0, here)
+    try:
+        return importlib.import_module(name)
+    finally:
+        if added:
+            sys.path.remove(here)

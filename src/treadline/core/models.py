@@ -386,7 +386,10 @@ class LinearModel(StateSpaceModel, Printable, Plottable):
         return margins(self.pair(output, given))
 
     def save(self, path: Path | str) -> None:
-        """Write the model as JSON, for ``tl.load_model``; ``treadline identify --out model.mat`` writes a file for MATLAB.
+        """Write the model as JSON, for ``tl.load_model``, or as a MAT file (version 5) for MATLAB if the path ends in ``.mat``.
+
+        A MAT file holds the matrices under their usual names: A, B, C, D, dt, the observer gain K, the offsets u0 and y0, the
+        dead time input_delay of each input in samples (MATLAB's InputDelay), and the names of inputs and outputs.
 
         Raises:
             TreadlineError: If the file cannot be written.
@@ -398,7 +401,12 @@ class LinearModel(StateSpaceModel, Printable, Plottable):
             >>> lag = tl.LinearModel(A=0.5 * one, B=one, C=one, D=0 * one, dt_s=0.1, input_offset=none, output_offset=none)
             >>> lag.save("lag.json")
         """
-        write_json(Path(path), asdict(self))
+        if Path(path).suffix.lower() != ".mat":
+            write_json(Path(path), asdict(self))
+            return
+        from treadline.core.other_libraries import write_mat
+
+        write_mat(self, Path(path))
 
     def printed(self) -> tuple[str, list[tuple[str, str]]]:
         """Return order, period, channels and poles."""

@@ -1,13 +1,18 @@
-"""A linear model for other programs: objects of python-control and SciPy, and text to paste into Python or MATLAB."""
+"""A linear model for other programs: objects of python-control and SciPy, text to paste into Python or MATLAB, and a MAT file."""
 
+import io
+import json
 from collections.abc import Sequence
 from importlib.util import find_spec
-from typing import Any
+from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 from scipy import signal
+from scipy.io import savemat
 
 from treadline.core.errors import ModelError
+from treadline.core.files import write_whole
 from treadline.core.state_space import StateSpaceModel
 
 LIBRARIES = ("control", "scipy")
@@ -134,3 +139,15 @@ def _polynomial(coefficients: np.ndarray) -> str:
         body = (factor + (f"z^{power}" if power > 1 else "z" if power else "")).strip()
         text += f" {sign} {body}" if text else f"{'-' if value < 0.0 else ''}{body}"
     return text or "0"
+
+
+def write_mat(model: StateSpaceModel, path: Path) -> None:
+    """Write a model as a MAT file, as ``LinearModel.save`` states."""
+    gain = {} if model.observer_gain is None else {"K": model.observer_gain}
+    names = {key: np.array(getattr(model, key), dtype=object) for key in ("input_names", "output_names")}
+    variables: dict[str, Any] = {**{name: getattr(model, name) for name in "ABCD"}, **gain, **names}
+    variables |= {"dt": model.dt_s, "u0": model.input_offset, "y0": model.output_offset}
+    variables |= {"input_delay": np.array(model.input_delay, dtype=float), "provenance": json.dumps(dict(model.provenance))}
+    data = io.BytesIO()
+    savemat(cast("Any", data), variables, oned_as="column")
+    write_whole(path, data.getvalue())

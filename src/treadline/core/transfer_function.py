@@ -244,7 +244,7 @@ class StabilisationDiagram(Brief, Plottable):
     damping_stable: Bool[np.ndarray, " k"]
     """Whether such a pole is also within 5 % in damping."""
     nyquist_hz: float
-    chosen: int = 0
+    chosen: int
     """Order of the model; 0 without one."""
 
 

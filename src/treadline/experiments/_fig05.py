@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from treadline.core.angles import DEG
+from treadline.core.angles import DEG, degrees_or_none
 from treadline.core.camera_images import RgbdFrame
 from treadline.core.rotations import Vector3, rotation_of
 from treadline.core.signals import ImuSample
@@ -29,9 +29,9 @@ def see_stages(figures: Path, seed: int) -> dict[str, Any]:
     if printed.stages is not None:
         write_stages(printed.stages, figures)
     return {
-        "heading_deg": _degrees(printed.heading_rad),
-        "robust_heading_deg": _degrees(robust.heading_rad),
-        "robust_sigma_deg": _degrees(robust.sigma_rad),
+        "heading_deg": degrees_or_none(printed.heading_rad),
+        "robust_heading_deg": degrees_or_none(robust.heading_rad),
+        "robust_sigma_deg": degrees_or_none(robust.sigma_rad),
         "true_heading_deg": true_heading_rad / DEG,
         "edges": printed.edge_count,
         "robust_edges": robust.edge_count,
@@ -51,7 +51,3 @@ def first_frame(seed: int) -> tuple[RgbdFrame, Vector3, float]:
     frame = next(reading for reading in readings if isinstance(reading, RgbdFrame))
     imu = next(reading for reading in readings if isinstance(reading, ImuSample))
     return frame, frame.camera.R_BC.T @ rotation_of(imu.orientation).T @ np.array([0.0, 0.0, -1.0]), true_heading_rad
-
-
-def _degrees(angle_rad: float | None) -> float | None:
-    return None if angle_rad is None else angle_rad / DEG

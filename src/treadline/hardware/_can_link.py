@@ -3,28 +3,60 @@
 Robot file: ``link = "can"``, ``interface`` and ``channel`` of python-can, ``left_node``, ``right_node``, ``wheel_radius_m`` and
 ``gear_ratio``. Velocity limit, ramp and watchdog are those of the drives' own configuration (docs/reference/firmware.md); the link
 proves the watchdog before each re-arm.
+
+Source: ODrive's documentation of its CAN protocol and the published message database ``odrive-cansimple-0.6.10.dbc``. An
+arbitration id is the node's id, shifted by five bits, and the command.
 """
 
 import contextlib
 import math
+import struct
 import time
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from enum import IntEnum
 from typing import Any
 
 import can
 
 from treadline.core.errors import LinkError
-from treadline.hardware import _can_simple as simple
-from treadline.hardware._can_simple import CanCommand
 from treadline.hardware.device_threads import DeviceThreads
 from treadline.hardware.ports import DriveLimits, DriveState
 
+PROTOCOL = 2
+"""Version of the protocol, which ``GET_VERSION`` reports for firmware 0.6."""
+IDLE, CLOSED_LOOP = 1, 8
+"""States of an axis."""
+VELOCITY_CONTROL, VELOCITY_RAMP = 2, 2
+"""Control mode and input mode."""
+WATCHDOG_EXPIRED, ESTOP_REQUESTED = 0x100_0000, 0x200_0000
+"""Bits of the error of an axis."""
+FLOATS = struct.Struct("<ff")
+"""Two numbers: velocity and torque, position and velocity, voltage and current; each report of a drive has this length."""
+WORD, WORDS = struct.Struct("<I"), struct.Struct("<II")
+HEARTBEAT = struct.Struct("<IBBBx")
+"""Error, state, result of the last procedure, end of the trajectory."""
+COMMAND_BITS = 5
 SETTLE_S = 2.0
 """Time in which an axis must take a state [s]: twenty heartbeats of the default period."""
 ECHOES = 64
 """Remembered commands, of which a bus may return copies."""
+
+
+class CanCommand(IntEnum):
+    """Commands, the lower five bits of an arbitration id."""
+
+    GET_VERSION = 0x00
+    HEARTBEAT = 0x01
+    ESTOP = 0x02
+    ADDRESS = 0x06
+    SET_AXIS_STATE = 0x07
+    ENCODER_ESTIMATES = 0x09
+    SET_CONTROLLER_MODE = 0x0B
+    SET_INPUT_VEL = 0x0D
+    BUS_VOLTAGE = 0x17
+    CLEAR_ERRORS = 0x18
 
 
 @dataclass(slots=True)
@@ -46,14 +78,14 @@ class Axis:
     @property
     def is_closed(self) -> bool:
         """Whether the axis is in closed-loop control."""
-        return self.state == simple.CLOSED_LOOP and not self.error
+        return self.state == CLOSED_LOOP and not self.error
 
     @property
     def problem(self) -> str | None:
         """Error of the drive in one line; none for those that stop() and the watchdog set."""
         if self.protocol is None:
             return f"drive {self.node} does not report its protocol version; it needs firmware 0.6"
-        error = self.error & ~(simple.WATCHDOG_EXPIRED | simple.ESTOP_REQUESTED)
+        error = self.error & ~(WATCHDOG_EXPIRED | ESTOP_REQUESTED)
         return f"drive {self.node} reports error {error:#x}; read it with odrivetool: dump_errors" if error else None
 
 
@@ -112,7 +144,7 @@ class CanSimpleLink:
         for t_s, message in self._threads.read():
             # SocketCAN reports faults of the bus as messages too.
             is_report = not (message.is_remote_frame or message.is_error_frame)
-            if not is_report or message.arbitration_id >> simple.COMMAND_BITS not in self._axes:
+            if not is_report or message.arbitration_id >> COMMAND_BITS not in self._axes:
                 continue
             self._take(message)
             self._advance()
@@ -128,7 +160,7 @@ class CanSimpleLink:
             limit_m_s = self._limits.speed_m_s
             for node, speed_m_s in zip(self._axes, (left_m_s, right_m_s), strict=True):
                 velocity = max(-limit_m_s, min(speed_m_s, limit_m_s)) / self._turn_m if self._phase == "armed" else 0.0
-                self._send(node, CanCommand.SET_INPUT_VEL, simple.FLOATS.pack(velocity, 0.0))
+                self._send(node, CanCommand.SET_INPUT_VEL, FLOATS.pack(velocity, 0.0))
 
     def hold(self) -> None:
         """Ramp to zero with the drives' own ramp."""
@@ -156,20 +188,20 @@ class CanSimpleLink:
 
     def _take(self, message: can.Message) -> None:
         """Keep what a message reports."""
-        axis = self._axes[message.arbitration_id >> simple.COMMAND_BITS]
-        command, content = message.arbitration_id & ((1 << simple.COMMAND_BITS) - 1), bytes(message.data)
-        if len(content) != simple.FLOATS.size and command != CanCommand.SET_AXIS_STATE:
+        axis = self._axes[message.arbitration_id >> COMMAND_BITS]
+        command, content = message.arbitration_id & ((1 << COMMAND_BITS) - 1), bytes(message.data)
+        if len(content) != FLOATS.size and command != CanCommand.SET_AXIS_STATE:
             return
         match command:
             case CanCommand.HEARTBEAT:
-                axis.error, axis.state, *_ = simple.HEARTBEAT.unpack(content)
+                axis.error, axis.state, *_ = HEARTBEAT.unpack(content)
                 axis.was_closed |= axis.is_closed
                 if axis.protocol is None:
                     self._ask(CanCommand.GET_VERSION)
             case CanCommand.ENCODER_ESTIMATES:
-                axis.velocity_m_s, axis.is_new = simple.FLOATS.unpack(content)[1] * self._turn_m, True
+                axis.velocity_m_s, axis.is_new = FLOATS.unpack(content)[1] * self._turn_m, True
             case CanCommand.BUS_VOLTAGE:
-                self._voltage_v = simple.FLOATS.unpack(content)[0]
+                self._voltage_v = FLOATS.unpack(content)[0]
             case CanCommand.GET_VERSION:
                 self._identify(axis, content[0])
             case CanCommand.ADDRESS:
@@ -181,8 +213,8 @@ class CanSimpleLink:
 
     def _identify(self, axis: Axis, protocol: int) -> None:
         """Keep the protocol of an axis, and ask for its serial number."""
-        if protocol != simple.PROTOCOL:
-            raise LinkError(f"drive {axis.node} speaks version {protocol} of CANSimple, not {simple.PROTOCOL}; update its firmware")
+        if protocol != PROTOCOL:
+            raise LinkError(f"drive {axis.node} speaks version {protocol} of CANSimple, not {PROTOCOL}; update its firmware")
         if axis.protocol is None:
             axis.protocol = protocol
             self._ask(CanCommand.ADDRESS)
@@ -192,12 +224,12 @@ class CanSimpleLink:
         if (identifier, content) in self._sent:
             self._sent.remove((identifier, content))
         elif self._phase != "latched":
-            self._fail(f"two hosts send commands to drive {identifier >> simple.COMMAND_BITS}; stop one of them")
+            self._fail(f"two hosts send commands to drive {identifier >> COMMAND_BITS}; stop one of them")
 
     def _advance(self) -> None:
         """Carry on with arming, and stop both axes where one has stopped; the watchdog, which the state names, is no fault."""
         axes, is_late = self._axes.values(), time.monotonic() - self._phase_s > SETTLE_S
-        have_not_tripped = [axis for axis in axes if not (axis.was_closed and axis.error & simple.WATCHDOG_EXPIRED)]
+        have_not_tripped = [axis for axis in axes if not (axis.was_closed and axis.error & WATCHDOG_EXPIRED)]
         are_open = [axis for axis in axes if not axis.is_closed]
         if self._phase == "proving" and not have_not_tripped:
             self._enter("arming")
@@ -208,7 +240,7 @@ class CanSimpleLink:
         elif self._phase == "arming" and not are_open:
             self._enter("armed")
         elif are_open and (self._phase == "armed" or (self._phase == "arming" and is_late)):
-            unexplained = [axis.node for axis in are_open if not axis.error & simple.WATCHDOG_EXPIRED]
+            unexplained = [axis.node for axis in are_open if not axis.error & WATCHDOG_EXPIRED]
             causes = [f"drive {node} left closed-loop control; check its supply and errors (odrivetool)" for node in unexplained]
             self._fail(self._fault or next(iter(causes), None))
 
@@ -217,9 +249,9 @@ class CanSimpleLink:
         for node, axis in self._axes.items():
             axis.was_closed = False
             self._send(node, CanCommand.CLEAR_ERRORS, b"\0")
-            self._send(node, CanCommand.SET_CONTROLLER_MODE, simple.WORDS.pack(simple.VELOCITY_CONTROL, simple.VELOCITY_RAMP))
-            self._send(node, CanCommand.SET_INPUT_VEL, simple.FLOATS.pack(0.0, 0.0))
-            self._send(node, CanCommand.SET_AXIS_STATE, simple.WORD.pack(simple.CLOSED_LOOP))
+            self._send(node, CanCommand.SET_CONTROLLER_MODE, WORDS.pack(VELOCITY_CONTROL, VELOCITY_RAMP))
+            self._send(node, CanCommand.SET_INPUT_VEL, FLOATS.pack(0.0, 0.0))
+            self._send(node, CanCommand.SET_AXIS_STATE, WORD.pack(CLOSED_LOOP))
 
     def _enter(self, phase: str) -> None:
         self._phase, self._phase_s = phase, time.monotonic()
@@ -239,7 +271,7 @@ class CanSimpleLink:
             box_s=None,
             left_m_s=axes[0].velocity_m_s,
             right_m_s=axes[1].velocity_m_s,
-            watchdog_tripped=self._phase == "latched" and any(axis.error & simple.WATCHDOG_EXPIRED for axis in axes),
+            watchdog_tripped=self._phase == "latched" and any(axis.error & WATCHDOG_EXPIRED for axis in axes),
             latched=self._phase != "armed",
             error=next(filter(None, problems), None),
             voltage_v=self._voltage_v,
@@ -251,7 +283,7 @@ class CanSimpleLink:
             self._send(node, command, remote=True)
 
     def _send(self, node: int, command: CanCommand, content: bytes = b"", *, remote: bool = False) -> None:
-        identifier = node << simple.COMMAND_BITS | command
+        identifier = node << COMMAND_BITS | command
         message = can.Message(arbitration_id=identifier, data=content, is_extended_id=False, is_remote_frame=remote)
         if command in (CanCommand.SET_INPUT_VEL, CanCommand.SET_AXIS_STATE):
             self._sent.append((identifier, content))

@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Any
 
 from treadline.core.errors import LinkError, TreadlineError
-from treadline.core.own_modules import own_module
+from treadline.core.files import own_module
 from treadline.core.signals import FlipperCommand, PlantState, SeatCommand, TrackCommand, TrackReading
 from treadline.hardware.ports import DriveLimits, DriveLink, DriveState, JointLink, SensorLink
 

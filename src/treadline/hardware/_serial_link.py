@@ -3,7 +3,6 @@
 Robot file: ``link = "serial"``, ``port``, and ``baud`` where the line is no USB device.
 """
 
-import contextlib
 import math
 import os
 import random
@@ -20,7 +19,7 @@ from treadline.core.signals import FlipperReading, ImuSample, OperatorInput, Sea
 from treadline.guard.stop_latch import AGAIN_S
 from treadline.hardware import _frame as frame
 from treadline.hardware._frame import BoxState, Cause, Flag, FrameReader, HostMessage, Kind, Present, Reply
-from treadline.hardware.device_threads import DeviceThreads, received_bytes
+from treadline.hardware.device_threads import DeviceThreads, received_bytes, write_or_lose
 from treadline.hardware.ports import BoxReading, DriveLimits, DriveState
 
 SPEAKS_S = 2.0
@@ -66,7 +65,7 @@ class SerialLine:
         descriptor = self._line.fileno()
         self._threads: DeviceThreads[Any, bytes] = DeviceThreads(
             lambda within_s: parse(received_bytes(descriptor, within_s)),
-            partial(_write, descriptor),
+            partial(write_or_lose, descriptor),  # pyserial's own ``write`` waits for a full line for ever, with a busy core
             lambda error: f"the device at {port} has gone ({error}); connect it and start again",
         )
 
@@ -86,12 +85,6 @@ class SerialLine:
         """Write what is queued and release the port."""
         self._threads.close()
         self._line.close()
-
-
-def _write(descriptor: int, data: bytes) -> None:
-    """Write bytes, or lose them: pyserial's own ``write`` waits for a full line for ever, with a busy core."""
-    with contextlib.suppress(OSError):
-        os.write(descriptor, data)
 
 
 def _check_only_one(port: str) -> None:

@@ -110,3 +110,9 @@ def received_bytes(descriptor: int, within_s: float) -> bytes:
     if not data:
         raise OSError("it returned no data")
     return data
+
+
+def write_or_lose(descriptor: int, data: bytes) -> None:
+    """Write bytes to a descriptor that does not block; what it does not take is lost."""
+    with contextlib.suppress(OSError):
+        os.write(descriptor, data)

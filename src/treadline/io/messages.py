@@ -16,28 +16,10 @@ from typing import Any, Literal, NamedTuple, get_args, get_origin, get_type_hint
 
 import numpy as np
 
+from treadline.core import signals
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import LogFormatError
 from treadline.core.ports import Truth
-from treadline.core.signals import (
-    Event,
-    FlipperCommand,
-    FlipperReading,
-    FrameQuality,
-    FreeGround,
-    HeadingEstimate,
-    HeadingHealth,
-    HeadingMeasurement,
-    ImuSample,
-    MotionPlan,
-    OperatorInput,
-    PlantState,
-    SeatCommand,
-    SeatReading,
-    StairMap,
-    TrackCommand,
-    TrackReading,
-)
 from treadline.io.message_types import PACKAGE, RosMessage, stamp, store
 
 Write = Callable[[Any, str], list[RosMessage]]
@@ -57,29 +39,37 @@ class _Own(NamedTuple):
     topic: str
     message: str
     frame: str = "base_link"
+    end: str = ""
+    """What the message's own topic adds to the default topic, where that holds a pose for viewers."""
 
     @property
     def kind(self) -> str:
         """Message type as ROS 2 writes it."""
         return f"{PACKAGE}/msg/{self.message}"
 
+    @property
+    def read(self) -> str:
+        """Topic of the message, which a reader of logs needs."""
+        return self.topic + self.end
 
+
+DETAIL = "/detail"
 OWN: dict[type, _Own] = {
-    TrackCommand: _Own("/tracks/cmd", "BeltCommand"),
-    TrackReading: _Own("/tracks/state", "BeltState"),
-    SeatCommand: _Own("/seat/cmd", "SeatCommand"),
-    SeatReading: _Own("/seat/state", "SeatState"),
-    FlipperCommand: _Own("/flipper/cmd", "FlipperCommand"),
-    FlipperReading: _Own("/flipper/state", "FlipperState"),
-    OperatorInput: _Own("/operator", "OperatorInput"),
-    PlantState: _Own("/plant/state", "PlantState"),
-    FrameQuality: _Own("/camera/quality", "FrameQuality"),
-    FreeGround: _Own("/ground", "FreeGround"),
-    HeadingMeasurement: _Own("/stair/heading_measured", "StairHeadingMeasurement", "stair"),
-    HeadingEstimate: _Own("/stair/heading", "StairHeading", "stair"),
-    HeadingHealth: _Own("/stair/heading/health", "HeadingHealth"),
-    StairMap: _Own("/stair/map", "StairMap"),
-    MotionPlan: _Own("/plan", "MotionPlan"),
+    signals.TrackCommand: _Own("/tracks/cmd", "BeltCommand"),
+    signals.TrackReading: _Own("/tracks/state", "BeltState"),
+    signals.SeatCommand: _Own("/seat/cmd", "SeatCommand"),
+    signals.SeatReading: _Own("/seat/state", "SeatState"),
+    signals.FlipperCommand: _Own("/flipper/cmd", "FlipperCommand"),
+    signals.FlipperReading: _Own("/flipper/state", "FlipperState"),
+    signals.OperatorInput: _Own("/operator", "OperatorInput"),
+    signals.PlantState: _Own("/plant/state", "PlantState"),
+    signals.FrameQuality: _Own("/camera/quality", "FrameQuality"),
+    signals.FreeGround: _Own("/ground", "FreeGround"),
+    signals.HeadingMeasurement: _Own("/stair/heading_measured", "StairHeadingMeasurement", "stair", DETAIL),
+    signals.HeadingEstimate: _Own("/stair/heading", "StairHeading", "stair", DETAIL),
+    signals.HeadingHealth: _Own("/stair/heading/health", "HeadingHealth"),
+    signals.StairMap: _Own("/stair/map", "StairMap", end=DETAIL),
+    signals.MotionPlan: _Own("/plan", "MotionPlan"),
     Truth: _Own("/truth", "Truth", "world"),
 }
 SIGNALS = {own.kind: signal for signal, own in OWN.items()}
@@ -125,7 +115,7 @@ class Form:
             values[at] = read(values[at])
         found = dict(zip(self._names, values, strict=True))
         if isinstance(found.get("flipper"), float):
-            found["flipper"] = FlipperCommand(t_s=t_s, rate_rad_s=found["flipper"])
+            found["flipper"] = signals.FlipperCommand(t_s=t_s, rate_rad_s=found["flipper"])
         return self._signal(t_s=t_s, **found)
 
 
@@ -203,26 +193,26 @@ _UNKNOWN = (0.0,) * 9
 """Covariance that is not known."""
 
 
-def _imu(sample: ImuSample, topic: str) -> list[RosMessage]:
+def _imu(sample: signals.ImuSample, topic: str) -> list[RosMessage]:
     qw, *q = sample.orientation
     rate, force = sample.angular_velocity_rad_s, sample.linear_acceleration_m_s2
     return [RosMessage(topic, IMU, (*stamp(sample.t_s), "imu", *q, qw, *_UNKNOWN, *rate, *_UNKNOWN, *force, *_UNKNOWN))]
 
 
-def _heading(signal: HeadingEstimate | HeadingMeasurement, topic: str) -> list[RosMessage]:
+def _heading(signal: signals.HeadingEstimate | signals.HeadingMeasurement, topic: str) -> list[RosMessage]:
     half = 0.5 * signal.heading_rad
     values = (*(0.0,) * 5, math.sin(half), math.cos(half), *(0.0,) * 35, signal.sigma_rad * signal.sigma_rad)
-    return [RosMessage(topic, POSE, (*stamp(signal.t_s), "stair", *values)), *_own(signal, topic + "/detail")]
+    return [RosMessage(topic, POSE, (*stamp(signal.t_s), "stair", *values)), *_own(signal, topic + DETAIL)]
 
 
-def _stair_map(stair: StairMap, topic: str) -> list[RosMessage]:
+def _stair_map(stair: signals.StairMap, topic: str) -> list[RosMessage]:
     values = [x for place in stair.nosings_B for x in (*place, 0.0, 0.0, 0.0, 1.0)]
     count = len(stair.nosings_B)
     poses = RosMessage(topic, POSES, (*stamp(stair.t_s), "chair", count, *values), (count,))
-    return [poses, *_own(stair, topic + "/detail")]
+    return [poses, *_own(stair, topic + DETAIL)]
 
 
-def _event(event: Event, topic: str) -> list[RosMessage]:
+def _event(event: signals.Event, topic: str) -> list[RosMessage]:
     level = 2 if event.name == "hold" else 1
     return [status(topic, event.t_s, (level, event.name, event.cause, "treadline"), {}, "guard")]
 
@@ -275,10 +265,10 @@ def _known_type(signal: Any) -> tuple[str, Write]:
 
 _WRITERS: dict[type, tuple[str, Write]] = {
     **{signal: (own.topic, _own) for signal, own in OWN.items()},
-    HeadingMeasurement: (OWN[HeadingMeasurement].topic, _heading),
-    HeadingEstimate: (OWN[HeadingEstimate].topic, _heading),
-    StairMap: (OWN[StairMap].topic, _stair_map),
-    ImuSample: ("/imu", _imu),
+    signals.HeadingMeasurement: (OWN[signals.HeadingMeasurement].topic, _heading),
+    signals.HeadingEstimate: (OWN[signals.HeadingEstimate].topic, _heading),
+    signals.StairMap: (OWN[signals.StairMap].topic, _stair_map),
+    signals.ImuSample: ("/imu", _imu),
     RgbdFrame: ("/camera", images_of),
-    Event: ("/diagnostics", _event),
+    signals.Event: ("/diagnostics", _event),
 }

@@ -20,14 +20,15 @@ from typing import Any
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import ImageError, LogFormatError
 from treadline.core.ports import Reading
-from treadline.core.signals import Event, HeadingMeasurement, ImuSample
+from treadline.core.signals import Event, HeadingMeasurement, ImuSample, TrackReading
 from treadline.io.images import MILLIMETRE, Pairing
 from treadline.io.mcap_read import BROKEN, has_arrivals
 from treadline.io.message_types import seconds_of
+from treadline.io.messages import OWN
 from treadline.io.standard_messages import EVENTS, HEADINGS, LOOKED, OURS, imu, signal_reader
 from treadline.io.topics import Received, packets, received, roles, survey
 
-BELTS = "/tracks/state"
+BELTS = OWN[TrackReading].read
 HORIZON_S = 1.0
 """Window in which readings of several topics are sorted by time [s]; a larger jump of a topic's stamps is a leap of its clock."""
 SILENCE_S = 60.0

@@ -9,32 +9,10 @@ from dataclasses import MISSING, fields
 from functools import cache
 from typing import Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
 
+from treadline.core import signals
 from treadline.core.camera_images import RgbdFrame
 from treadline.core.errors import LogFormatError
 from treadline.core.ports import Truth
-from treadline.core.signals import (
-    BUTTONS,
-    Direction,
-    Event,
-    FlipperCommand,
-    FlipperReading,
-    FrameQuality,
-    FreeGround,
-    HeadingEstimate,
-    HeadingFault,
-    HeadingHealth,
-    HeadingMeasurement,
-    ImuSample,
-    MotionPlan,
-    OperatorInput,
-    Phase,
-    PlantState,
-    SeatCommand,
-    SeatReading,
-    StairMap,
-    TrackCommand,
-    TrackReading,
-)
 from treadline.io.message_types import RosMessage
 from treadline.io.messages import (
     CAMERA,
@@ -60,19 +38,19 @@ def standard_messages_of(signal: Any, topic: str | None = None) -> list[RosMessa
     """Return the messages of a signal in standard types, on the default topic of its type unless ``topic`` is given."""
     topic = topic or topic_of(signal)
     match signal:
-        case HeadingEstimate() | HeadingMeasurement():
+        case signals.HeadingEstimate() | signals.HeadingMeasurement():
             return [messages_of(signal, topic)[0], _Joints(type(signal)).write(signal, f"{topic}/detail")]
-        case StairMap():
+        case signals.StairMap():
             return [messages_of(signal, topic)[0], _write_map(signal, f"{topic}/detail")]
         case RgbdFrame():
             return images_of(signal, topic, CAMERA)  # the name of the camera's optical frame in ROS 1
-        case MotionPlan():
+        case signals.MotionPlan():
             return [_write_plan(signal, topic)]
-        case PlantState():
+        case signals.PlantState():
             level = 0 if signal.fault is None else 2
             battery = {} if signal.battery_v is None else {"battery_v": f"{signal.battery_v!r}"}
             return [status(topic, signal.t_s, (level, "plant", signal.fault or "", "plant"), battery, "chair")]
-        case HeadingHealth():
+        case signals.HeadingHealth():
             return [_write_health(signal, topic)]
         case _ if type(signal) in JOINTED:
             return [_Joints(type(signal)).write(signal, topic)]
@@ -97,30 +75,21 @@ def _by_name(*names: str) -> dict[str, str]:
     return dict(zip(names, names, strict=True))
 
 
-MAYBE_OF_MAP = (
-    "left_wall_m",
-    "right_wall_m",
-    "obstacle_m",
-    "left_edge_m",
-    "right_edge_m",
-    "left_seen_m",
-    "right_seen_m",
-    "turn_rad",
-)
+MAYBE_OF_MAP = tuple(name for name, hint in get_type_hints(signals.StairMap).items() if hint == float | None)
 """Numbers of a stair map that a frame may not show."""
 BELTS = {"left": "left_m_s", "right": "right_m_s"}
 JOINTED: dict[type, _Jointed] = {
-    TrackCommand: _Jointed("sender", BELTS, in_motion=True, held={"brake": "brake"}),
-    TrackReading: _Jointed("chair", BELTS, in_motion=True, held={"brake": "brake_on"}),
-    SeatCommand: _Jointed("sender", {"stroke": "rate_m_s"}, in_motion=True),
-    SeatReading: _Jointed("chair", {"stroke": "stroke_m", "pitch": "pitch_rad"}),
-    FlipperCommand: _Jointed("sender", {"flipper": "rate_rad_s"}, in_motion=True),
-    FlipperReading: _Jointed("chair", {"angle": "angle_rad", "torque": "torque_n_m"}),
-    OperatorInput: _Jointed("operator", _by_name("dead_man", *BUTTONS)),
-    HeadingEstimate: _Jointed("source", _by_name("heading_rad", "heading_rate_rad_s", "sigma_rad")),
-    HeadingMeasurement: _Jointed("camera", _by_name("heading_rad", "sigma_rad", "edge_count", "correction_rad")),
-    FrameQuality: _Jointed("camera", _by_name("fingerprint", "brightness", "contrast", "valid_share", "obstacle_m")),
-    FreeGround: _Jointed(
+    signals.TrackCommand: _Jointed("sender", BELTS, in_motion=True, held={"brake": "brake"}),
+    signals.TrackReading: _Jointed("chair", BELTS, in_motion=True, held={"brake": "brake_on"}),
+    signals.SeatCommand: _Jointed("sender", {"stroke": "rate_m_s"}, in_motion=True),
+    signals.SeatReading: _Jointed("chair", {"stroke": "stroke_m", "pitch": "pitch_rad"}),
+    signals.FlipperCommand: _Jointed("sender", {"flipper": "rate_rad_s"}, in_motion=True),
+    signals.FlipperReading: _Jointed("chair", {"angle": "angle_rad", "torque": "torque_n_m"}),
+    signals.OperatorInput: _Jointed("operator", _by_name("dead_man", *signals.BUTTONS)),
+    signals.HeadingEstimate: _Jointed("source", _by_name("heading_rad", "heading_rate_rad_s", "sigma_rad")),
+    signals.HeadingMeasurement: _Jointed("camera", _by_name("heading_rad", "sigma_rad", "edge_count", "correction_rad")),
+    signals.FrameQuality: _Jointed("camera", _by_name("fingerprint", "brightness", "contrast", "valid_share", "obstacle_m")),
+    signals.FreeGround: _Jointed(
         "view", _by_name("blind_m", "seen_m", "end_m", "end_sigma_m", "direction_rad", "direction_sigma_rad", "drop_m")
     ),
     Truth: _Jointed("simulator", _by_name(*TRUTH_NAMES)),
@@ -184,7 +153,7 @@ def _one_of(words: Any, word: str) -> Any:
     return word
 
 
-def _write_map(stair: StairMap, topic: str) -> RosMessage:
+def _write_map(stair: signals.StairMap, topic: str) -> RosMessage:
     maybe = {name: getattr(stair, name) for name in MAYBE_OF_MAP}
     sides = (("left", stair.left_side), ("right", stair.right_side))
     maybe |= {f"{name}_open": None if side is None else float(side == "open") for name, side in sides}
@@ -195,14 +164,14 @@ def _write_map(stair: StairMap, topic: str) -> RosMessage:
     return joints(topic, stair.t_s, tuple(known), tuple(known.values()), (), stair.direction)
 
 
-def _read_map(message: Any, t_s: float) -> StairMap:
+def _read_map(message: Any, t_s: float) -> signals.StairMap:
     values = dict(zip(message.name, _counted(message.position, len(message.name)), strict=True))
     places = [tuple(values[f"nosing{i}_{axis}_m"] for axis in "xyz") for i in range(int(values["nosings"]))]
     sides = {name: values.get(f"{name}_open") for name in ("left", "right")}
     more: dict[str, Any] = {f"{name}_side": ("wall", "open")[bool(side)] for name, side in sides.items() if side is not None}
     more |= {name: values.get(name) for name in MAYBE_OF_MAP} | {name: values[name] for name in ("rise_m", "run_m", "slope_rad")}
-    direction = _one_of(Direction, message.header.frame_id)
-    return StairMap(t_s=t_s, direction=direction, nosings_B=tuple(places), ends=bool(values["ends"]), **more)
+    direction = _one_of(signals.Direction, message.header.frame_id)
+    return signals.StairMap(t_s=t_s, direction=direction, nosings_B=tuple(places), ends=bool(values["ends"]), **more)
 
 
 # ---- DiagnosticArray ----
@@ -215,7 +184,7 @@ def _status_of(message: Any) -> Any:
     return message.status[0]
 
 
-def _write_plan(plan: MotionPlan, topic: str) -> RosMessage:
+def _write_plan(plan: signals.MotionPlan, topic: str) -> RosMessage:
     numbers = {"speed_m_s": plan.speed_m_s, "turn_m_s": plan.turn_m_s, "heading_rad": plan.heading_rad}
     numbers |= {"min_inner_speed_ratio": plan.min_inner_speed_ratio, "pitch_feedforward_m_s": plan.pitch_feedforward_m_s}
     numbers |= {} if plan.flipper is None else {"flipper_t_s": plan.flipper.t_s, "flipper_rad_s": plan.flipper.rate_rad_s}
@@ -224,19 +193,21 @@ def _write_plan(plan: MotionPlan, topic: str) -> RosMessage:
     return status(topic, plan.t_s, (int(plan.hold is not None), plan.phase, plan.cause, "plan"), values, "chair")
 
 
-def _read_plan(message: Any, t_s: float) -> MotionPlan:
+def _read_plan(message: Any, t_s: float) -> signals.MotionPlan:
     found = _status_of(message)
     numbers = {item.key: item.value for item in found.values}
     needs_stair, hold = numbers.pop("needs_stair", None), numbers.pop("hold", None)
     known = {name: float(value) for name, value in numbers.items()}
     flipper = (
-        FlipperCommand(t_s=known.pop("flipper_t_s"), rate_rad_s=known.pop("flipper_rad_s")) if "flipper_t_s" in known else None
+        signals.FlipperCommand(t_s=known.pop("flipper_t_s"), rate_rad_s=known.pop("flipper_rad_s"))
+        if "flipper_t_s" in known
+        else None
     )
-    phase = _one_of(Phase, found.name)
-    if "speed_m_s" not in known or not known.keys() <= {item.name for item in fields(MotionPlan)}:
+    phase = _one_of(signals.Phase, found.name)
+    if "speed_m_s" not in known or not known.keys() <= {item.name for item in fields(signals.MotionPlan)}:
         raise LogFormatError("a plan without a speed, or with unknown numbers; is it of another version?")
     more: dict[str, Any] = known
-    return MotionPlan(
+    return signals.MotionPlan(
         t_s=t_s, phase=phase, flipper=flipper, needs_stair=needs_stair == "True", cause=found.message, hold=hold, **more
     )
 
@@ -245,45 +216,41 @@ OF_HEALTH = ("disagreement_rad", "unseen_s", "bias_rad_s", "scale", "walk_rad_rt
 """Numbers of a filter's health that are always known."""
 
 
-def _write_health(health: HeadingHealth, topic: str) -> RosMessage:
+def _write_health(health: signals.HeadingHealth, topic: str) -> RosMessage:
     numbers = {name: getattr(health, name) for name in ("since_s", *OF_HEALTH)}
     values = {name: repr(float(value)) for name, value in numbers.items() if value is not None}
     header = (int(health.fault is not None), health.fault or "", health.cause or "", "heading filter")
     return status(topic, health.t_s, header, values, "stair")
 
 
-def _read_health(message: Any, t_s: float) -> HeadingHealth:
+def _read_health(message: Any, t_s: float) -> signals.HeadingHealth:
     found = _status_of(message)
-    fault = _one_of(HeadingFault, found.name) if found.name else None
+    fault = _one_of(signals.HeadingFault, found.name) if found.name else None
     known = {item.key: float(item.value) for item in found.values}
     numbers = {name: known[name] for name in OF_HEALTH}
-    return HeadingHealth(t_s=t_s, fault=fault, since_s=known.get("since_s"), cause=found.message or None, **numbers)
+    return signals.HeadingHealth(t_s=t_s, fault=fault, since_s=known.get("since_s"), cause=found.message or None, **numbers)
 
 
-def _read_event(message: Any, t_s: float) -> Event:
+def _read_event(message: Any, t_s: float) -> signals.Event:
     """Return the event in a DiagnosticArray."""
     found = _status_of(message)
-    return Event(t_s=t_s, name=found.name, cause=found.message)
+    return signals.Event(t_s=t_s, name=found.name, cause=found.message)
 
 
-def _read_plant(message: Any, t_s: float) -> PlantState:
+def _read_plant(message: Any, t_s: float) -> signals.PlantState:
     found = _status_of(message)
     battery_v = next((float(item.value) for item in found.values if item.key == "battery_v"), None)
-    return PlantState(t_s=t_s, fault=found.message if found.level else None, battery_v=battery_v)
+    return signals.PlantState(t_s=t_s, fault=found.message if found.level else None, battery_v=battery_v)
 
 
-HEADINGS, EVENTS = "/stair/heading_measured/detail", "/diagnostics"
+HEADINGS, EVENTS = OWN[signals.HeadingMeasurement].read, "/diagnostics"
 """Topics of recorded heading measurements and of events."""
-_DETAILED = {HeadingEstimate: "/stair/heading/detail", HeadingMeasurement: HEADINGS}
-"""Topics of signals whose default topic holds a pose for viewers."""
 STANDARD: dict[tuple[str, str], Read] = {
-    **{(_DETAILED.get(signal, OWN[signal].topic), JOINTS): _Joints(signal).read for signal in JOINTED},
-    ("/arm/cmd", JOINTS): _Joints(FlipperCommand).read,  # logs of release 0.1
-    ("/arm/state", JOINTS): _Joints(FlipperReading).read,
-    ("/stair/map/detail", JOINTS): _read_map,
-    ("/stair/heading/health", STATUS): _read_health,
-    ("/plan", STATUS): _read_plan,
-    ("/plant/state", STATUS): _read_plant,
+    **{(OWN[signal].read, JOINTS): _Joints(signal).read for signal in JOINTED},
+    (OWN[signals.StairMap].read, JOINTS): _read_map,
+    (OWN[signals.HeadingHealth].read, STATUS): _read_health,
+    (OWN[signals.MotionPlan].read, STATUS): _read_plan,
+    (OWN[signals.PlantState].read, STATUS): _read_plant,
     (EVENTS, STATUS): _read_event,
 }
 """Decoder of a topic of a standard type."""
@@ -292,13 +259,14 @@ STANDARD: dict[tuple[str, str], Read] = {
 # ---- any signal ----
 
 
-LOOKED = frozenset({"/camera/quality", "/ground", "/stair/map/detail"})
+LOOKED = frozenset(OWN[kind].read for kind in (signals.FrameQuality, signals.FreeGround, signals.StairMap))
 """Topics of frame results besides the heading, for logs without images and for cameras with their own detector."""
-OURS = frozenset({
-    "/imu", "/tracks/cmd", "/tracks/state", "/seat/cmd", "/seat/state", "/flipper/cmd", "/flipper/state", "/arm/cmd", "/arm/state",
-    "/operator", "/plant/state", "/stair/heading/detail", HEADINGS, EVENTS, "/truth",
-})  # fmt: skip
-"""Other topics of a run log except images; ``/arm`` is from logs of release 0.1."""
+OURS = (
+    {"/imu"}.union(topic for topic, _ in STANDARD)
+    - LOOKED
+    - {OWN[kind].read for kind in (signals.MotionPlan, signals.HeadingHealth)}
+)
+"""Other topics of a run log except images."""
 
 
 def signal_reader(topic: str, kind: str) -> Read | None:
@@ -308,10 +276,10 @@ def signal_reader(topic: str, kind: str) -> Read | None:
     return imu if kind == IMU else STANDARD.get((topic, kind))
 
 
-def imu(message: Any, t_s: float) -> ImuSample:
+def imu(message: Any, t_s: float) -> signals.ImuSample:
     """Return the sample in a sensor_msgs/Imu; an orientation marked as not measured is a zero quaternion."""
     q, rate, force = message.orientation, message.angular_velocity, message.linear_acceleration
-    return ImuSample(
+    return signals.ImuSample(
         t_s=t_s,
         orientation=(0.0, 0.0, 0.0, 0.0) if message.orientation_covariance[0] == -1.0 else (q.w, q.x, q.y, q.z),
         angular_velocity_rad_s=(rate.x, rate.y, rate.z),

@@ -14,7 +14,7 @@ from types import ModuleType
 from typing import Any
 
 from treadline.core.errors import SettingsError, closest
-from treadline.core.own_modules import own_module
+from treadline.core.files import own_module
 from treadline.core.settings import text_of
 from treadline.mission.mission_config import FILE_PREFIX
 

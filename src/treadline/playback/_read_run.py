@@ -10,10 +10,11 @@ from treadline.core.camera_images import RgbdFrame
 from treadline.core.errors import LogFormatError, SettingsError
 from treadline.core.files import json_of, read_json
 from treadline.core.ports import Truth
-from treadline.core.signals import FlipperReading, HeadingEstimate, ImuSample, SeatReading, TrackCommand, TrackReading
+from treadline.core.signals import FlipperReading, HeadingEstimate, ImuSample, SeatReading, StairMap, TrackCommand, TrackReading
 from treadline.io.columns import read_contents
 from treadline.io.mcap_read import BROKEN, has_arrivals, read_log, run_metadata
 from treadline.io.message_files import READERS, parts_of
+from treadline.io.messages import OWN
 from treadline.io.runs import LOG, MANIFEST
 from treadline.io.standard_messages import EVENTS, signal_reader
 from treadline.io.topics import kind_of, packets, received
@@ -22,15 +23,9 @@ from treadline.playback._recording import Limits, Recording
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario, chair_of_run, scenario_of
 
-MAPS, COLOUR, TRUTH, IMU = "/stair/map/detail", "/camera/color/image_raw", "/truth", "/imu"
+MAPS, COLOUR, TRUTH, IMU = OWN[StairMap].read, "/camera/color/image_raw", OWN[Truth].read, "/imu"
 NUMERIC: dict[str, type] = {
-    TRUTH: Truth,
-    "/stair/heading/detail": HeadingEstimate,
-    "/tracks/cmd": TrackCommand,
-    "/tracks/state": TrackReading,
-    "/seat/state": SeatReading,
-    "/flipper/state": FlipperReading,
-    "/arm/state": FlipperReading,  # logs of release 0.1
+    **{OWN[kind].read: kind for kind in (Truth, HeadingEstimate, TrackCommand, TrackReading, SeatReading, FlipperReading)},
     IMU: ImuSample,
 }
 """Topics of numbers, with the signal that each holds."""

@@ -14,7 +14,7 @@ from treadline.core.rotations import quaternion_of
 from treadline.core.signals import CommandSource, Event, VelocityCommand
 from treadline.io.images import Pairing, with_mount
 from treadline.io.message_types import RosMessage, message_of, stamp, stamped_s, store
-from treadline.io.messages import CAMERA, STATUS, joints, messages_of, status
+from treadline.io.messages import CAMERA, DETAIL, STATUS, joints, messages_of, status
 from treadline.io.scene_messages import BASE, ODOMETRY, FramePose, camera_frames, frames_message, odometry_message
 from treadline.io.standard_messages import signal_reader, standard_messages_of
 from treadline.mission.odometry import Odometry
@@ -170,18 +170,11 @@ _READERS: dict[tuple[str, str], Callable[[Any, float], Any]] = {
     (on.GUARD, on.GUARD_TYPE): _guard_state,
 }
 """Decoder of a topic that only nodes exchange, by name and type."""
-_LIKE = {
-    on.CAMERA_QUALITY: on.QUALITY,
-    f"{on.CAMERA_HEADING}/detail": f"{on.MEASURED}/detail",
-    f"{on.CAMERA_MAP}/detail": f"{on.MAP}/detail",
-    on.TRACKS_PROPOSED: on.TRACKS_CMD,
-    on.SEAT_PROPOSED: on.SEAT_CMD,
-}
-"""Topics with the messages of another."""
 
 
 def _reader(topic: str, kind: str) -> Callable[[Any, float], Any]:
     """Return the decoder of a topic: that of a log's topic of this name, or of messages that only nodes exchange."""
-    known = _READERS.get((topic, kind)) or signal_reader(_LIKE.get(topic, topic), kind)
+    name = topic.removesuffix(DETAIL)
+    known = _READERS.get((topic, kind)) or signal_reader(on.LIKE.get(name, name) + topic[len(name) :], kind)
     assert known is not None, f"{topic} of {kind} has no decoder"  # noqa: S101 - the tests construct each channel's
     return known

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.signals import CommandSource
 from treadline.io.message_types import PACKAGE
-from treadline.io.messages import CAMERA_INFO, IMAGE, JOINTS, POSE, POSES, STATUS
+from treadline.io.messages import CAMERA_INFO, IMAGE, JOINTS, OWN, POSE, POSES, STATUS
 from treadline.io.messages import IMU as IMU_TYPE
 from treadline.io.scene_messages import FRAMES, ODOMETRY
 
@@ -78,13 +78,21 @@ def _one(name: str, kind: str, depth: int) -> Channel:
     return Channel(topics=(Topic(name=name, kind=kind),), depth=depth)
 
 
-def _own(name: str, message: str, depth: int, ros1: str = JOINTS) -> Channel:
-    return Channel(topics=(Topic(name=name, kind=f"{PACKAGE}/msg/{message}", ros1=ros1),), depth=depth)
+LIKE = {
+    CAMERA_QUALITY: QUALITY,
+    CAMERA_HEADING: MEASURED,
+    CAMERA_MAP: MAP,
+    TRACKS_PROPOSED: TRACKS_CMD,
+    SEAT_PROPOSED: SEAT_CMD,
+}
+"""Channels with the messages of another."""
+_KNOWN = {own.topic: own for own in OWN.values()}
 
 
-def _with_detail(name: str, pose: str, message: str, depth: int) -> Channel:
-    (detail,) = _own(f"{name}/detail", message, depth).topics
-    return Channel(topics=(Topic(name=name, kind=pose, read=False), detail), depth=depth)
+def _own(name: str, depth: int, ros1: str = JOINTS, pose: str = "") -> Channel:
+    own = _KNOWN[LIKE.get(name, name)]
+    viewed = (Topic(name=name, kind=pose, read=False),) if pose else ()
+    return Channel(topics=(*viewed, Topic(name=name + own.end, kind=own.kind, ros1=ros1)), depth=depth)
 
 
 SECOND = 100
@@ -93,11 +101,11 @@ SECOND = 100
 CHANNELS: dict[str, Channel] = {
     CLOCK: _one(CLOCK, CLOCK_TYPE, 1),
     IMU: _one(IMU, IMU_TYPE, SECOND),
-    TRACKS: _own(TRACKS, "BeltState", SECOND),
-    SEAT: _own(SEAT, "SeatState", SECOND),
-    FLIPPER: _own(FLIPPER, "FlipperState", SECOND),
-    OPERATOR: _own(OPERATOR, "OperatorInput", 10),
-    PLANT: _own(PLANT, "PlantState", 10, STATUS),
+    TRACKS: _own(TRACKS, SECOND),
+    SEAT: _own(SEAT, SECOND),
+    FLIPPER: _own(FLIPPER, SECOND),
+    OPERATOR: _own(OPERATOR, 10),
+    PLANT: _own(PLANT, 10, STATUS),
     CAMERA: Channel(
         topics=(
             Topic(name="/camera/color/image_raw", kind=IMAGE),
@@ -106,24 +114,24 @@ CHANNELS: dict[str, Channel] = {
         ),
         depth=2,
     ),
-    CAMERA_HEADING: _with_detail(CAMERA_HEADING, POSE, "StairHeadingMeasurement", 10),
-    CAMERA_MAP: _with_detail(CAMERA_MAP, POSES, "StairMap", 10),
-    CAMERA_QUALITY: _own(CAMERA_QUALITY, "FrameQuality", 10),
-    QUALITY: _own(QUALITY, "FrameQuality", 10),
-    GROUND: _own(GROUND, "FreeGround", 10),
-    MEASURED: _with_detail(MEASURED, POSE, "StairHeadingMeasurement", 10),
-    MAP: _with_detail(MAP, POSES, "StairMap", 10),
-    ESTIMATE: _with_detail(ESTIMATE, POSE, "StairHeading", 1),
-    HEALTH: _own(HEALTH, "HeadingHealth", 10, STATUS),
-    PLAN: _own(PLAN, "MotionPlan", 1, STATUS),
-    TRACKS_PROPOSED: _own(TRACKS_PROPOSED, "BeltCommand", 1),
-    SEAT_PROPOSED: _own(SEAT_PROPOSED, "SeatCommand", 1),
-    TRACKS_CMD: _own(TRACKS_CMD, "BeltCommand", 1),
-    SEAT_CMD: _own(SEAT_CMD, "SeatCommand", 1),
-    FLIPPER_CMD: _own(FLIPPER_CMD, "FlipperCommand", 1),
-    GUARD: _own(GUARD, "GuardState", 10, STATUS),
+    CAMERA_HEADING: _own(CAMERA_HEADING, 10, pose=POSE),
+    CAMERA_MAP: _own(CAMERA_MAP, 10, pose=POSES),
+    CAMERA_QUALITY: _own(CAMERA_QUALITY, 10),
+    QUALITY: _own(QUALITY, 10),
+    GROUND: _own(GROUND, 10),
+    MEASURED: _own(MEASURED, 10, pose=POSE),
+    MAP: _own(MAP, 10, pose=POSES),
+    ESTIMATE: _own(ESTIMATE, 1, pose=POSE),
+    HEALTH: _own(HEALTH, 10, STATUS),
+    PLAN: _own(PLAN, 1, STATUS),
+    TRACKS_PROPOSED: _own(TRACKS_PROPOSED, 1),
+    SEAT_PROPOSED: _own(SEAT_PROPOSED, 1),
+    TRACKS_CMD: _own(TRACKS_CMD, 1),
+    SEAT_CMD: _own(SEAT_CMD, 1),
+    FLIPPER_CMD: _own(FLIPPER_CMD, 1),
+    GUARD: Channel(topics=(Topic(name=GUARD, kind=GUARD_TYPE, ros1=STATUS),), depth=10),
     DIAGNOSTICS: _one(DIAGNOSTICS, STATUS, SECOND),
-    TRUTH: _own(TRUTH, "Truth", 10),
+    TRUTH: _own(TRUTH, 10),
     TWIST: Channel(topics=(Topic(name=TWIST, kind=TWIST_STAMPED, ros1=TWIST_TYPE),), depth=1),
     ODOM: Channel(topics=(Topic(name=ODOM, kind=ODOMETRY), Topic(name="/tf", kind=FRAMES, read=False)), depth=10),
     JOINT_STATES: Channel(topics=(Topic(name=JOINT_STATES, kind=JOINTS, read=False),), depth=10),

@@ -24,22 +24,11 @@ FaultKind = Literal[
     "readings_lost", "gyro_ramp", "wrong_stamp", "payload_forward", "payload_left", "payload_up",
 ]  # fmt: skip
 """Kinds of faults. New kinds are appended: the position of a kind selects its stream of random numbers."""
-
-
-class Process(IntEnum):
-    """Process stopped by ``process_killed``."""
-
-    MISSION = 0
-    """The whole mission: the chair receives no commands."""
-    PERCEPTION = 1
-    """Camera pipeline: the mission receives no frame, heading or map."""
-    CONTROLLER = 2
-    """Controller: the guard receives no proposal. Implemented by the builder of the mission through ``is_killed``, because a plant
-    cannot suppress proposals."""
-    SEAT = 3
-    """Seat controller: the seat actuator receives no command and continues with the last one until its watchdog stops it."""
-
-
+Process = IntEnum("Process", "MISSION PERCEPTION CONTROLLER SEAT", start=0)
+"""Process stopped by ``process_killed``: the whole mission, so that the chair receives no commands; the camera pipeline, so that
+the mission receives no frame, heading or map; the controller, so that the guard receives no proposal (implemented by the builder of
+the mission through ``is_killed``, because a plant cannot suppress proposals); or the seat controller, so that the seat actuator
+continues with its last command until its watchdog stops it."""
 WRONG_STAMP_S = 1e6
 """Stamp of a message under ``wrong_stamp`` [s]: eleven days in the future."""
 Message = IntEnum("Message", "MAP PLAN HEALTH", start=0)

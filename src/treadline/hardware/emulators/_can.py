@@ -9,10 +9,9 @@ from typing import Any
 
 import can
 
-from treadline.hardware import _can_simple as simple
+from treadline.hardware import _can_link as simple
 from treadline.hardware import _frame as frame
-from treadline.hardware._can_link import open_bus
-from treadline.hardware._can_simple import CanCommand
+from treadline.hardware._can_link import CanCommand, open_bus
 from treadline.hardware._frame import Cause, HostMessage, Kind
 from treadline.hardware.emulators._chair import EmulatedChair
 from treadline.hardware.emulators._faults import Faults, FaultyLine

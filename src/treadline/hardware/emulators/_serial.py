@@ -11,7 +11,7 @@ from pathlib import Path
 from treadline.core.errors import LinkError
 from treadline.core.signals import TICK_S
 from treadline.hardware._frame import HostMessage, Kind
-from treadline.hardware.device_threads import DeviceThreads, received_bytes
+from treadline.hardware.device_threads import DeviceThreads, received_bytes, write_or_lose
 from treadline.hardware.emulators._chair import EmulatedChair
 from treadline.hardware.emulators._faults import Faults, FaultyLine, spoilt_bytes
 from treadline.hardware.emulators._firmware import DriveBox, Inputs
@@ -37,7 +37,9 @@ class Terminal:
         self._near, self._far = pty.openpty()
         tty.setraw(self._far)
         os.set_blocking(self._near, False)
-        self._threads: DeviceThreads[bytes, bytes] = DeviceThreads(partial(received_bytes, self._near), self._send, str)
+        self._threads: DeviceThreads[bytes, bytes] = DeviceThreads(
+            partial(received_bytes, self._near), partial(write_or_lose, self._near), str
+        )
         port.unlink(missing_ok=True)
         port.symlink_to(os.ttyname(self._far))
         self._rest = b""
@@ -52,10 +54,6 @@ class Terminal:
     def write(self, frame: bytes) -> None:
         """Send a frame; a host that does not read loses it."""
         self._threads.write(frame)
-
-    def _send(self, frame: bytes) -> None:
-        with contextlib.suppress(OSError):
-            os.write(self._near, frame)
 
     def close(self) -> None:
         """Remove the device: to the host it has gone."""

@@ -15,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import UInt8
 
-from treadline.core.angles import DEG, radians_hint
+from treadline.core.angles import DEG, degrees_or_none, radians_hint
 from treadline.core.camera_images import NamedFrame, PinholeCamera, RgbdFrame
 from treadline.core.errors import ImageError, SettingsError
 from treadline.core.printing import plain
@@ -148,9 +148,9 @@ def _answer(named: NamedFrame, sight: StairDetection, spent_ms: float, square_de
         **({} if named.t_s is None else {"t_s": named.t_s}),
         "accepted": sight.accepted,
         "reason": sight.reason,
-        "heading_deg": _deg(sight.heading_rad),
+        "heading_deg": degrees_or_none(sight.heading_rad),
         "square_deg": square_deg,
-        "sigma_deg": _deg(sight.sigma_rad),
+        "sigma_deg": degrees_or_none(sight.sigma_rad),
         "edge_direction": None if sight.edge_direction_C is None else sight.edge_direction_C.tolist(),
         "edges": sight.edge_count,
         "box_px": sight.box_px,
@@ -190,10 +190,6 @@ def measured_stair(seen: Sequence[Mapping[str, Any]]) -> str:
     return "\n".join(["[stair]", *lines, f"steps = {steps}  # in view of one frame; {end}", ""])
 
 
-def _deg(angle_rad: float | None) -> float | None:
-    return None if angle_rad is None else angle_rad / DEG
-
-
 def _calibration_warning(named: NamedFrame) -> str | None:
     """Return what is missing or improbable in the mount of the camera."""
     if not named.mount_known:
@@ -204,7 +200,9 @@ def _calibration_warning(named: NamedFrame) -> str | None:
 def _without_mount(sight: StairDetection) -> dict[str, float | None]:
     """Return the heading at camera yaw 0, for a chair on the flight and for one on horizontal ground."""
     up = {} if sight.axes is None else {"heading_on_flight_deg": sight.axes.normal_C, "heading_on_level_deg": -sight.axes.down_C}
-    headings = {name: _deg(heading_about(normal, sight.axes.edge_C)) for name, normal in up.items() if sight.axes is not None}
+    headings = {
+        name: degrees_or_none(heading_about(normal, sight.axes.edge_C)) for name, normal in up.items() if sight.axes is not None
+    }
     return {"heading_on_flight_deg": None, "heading_on_level_deg": None} | headings
 
 
@@ -214,7 +212,7 @@ def _stair(sight: StairDetection) -> dict[str, Any] | None:
     if shape is None:
         return None
     measures: dict[str, Any] = {name: getattr(shape, name) for name in ("direction", "rise_m", "run_m")}
-    measures |= {"slope_deg": _deg(shape.slope_rad), "distance_m": shape.distance_m}
+    measures |= {"slope_deg": degrees_or_none(shape.slope_rad), "distance_m": shape.distance_m}
     if seen is not None:
         measures["nosings_m"] = [list(place) for place in seen.nosings_B]
         measures |= {name: getattr(seen, name) for name in ("ends", "width_m", "left_wall_m", "right_wall_m", "obstacle_m")}
