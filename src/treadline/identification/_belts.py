@@ -15,9 +15,9 @@ from jaxtyping import Float
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.core.turning import belt_signs, radians, turn_channels
 from treadline.identification._gram import Gram, Units, gram_of, units_of
+from treadline.identification._intervals import ConfidenceIntervals
 from treadline.identification._limits import ROUNDING
 from treadline.identification._model_order import min_bic
-from treadline.identification._pole_intervals import ConfidenceIntervals
 
 DIFFERENCE = "right_less_left"
 """Name of the difference of two belt speeds."""

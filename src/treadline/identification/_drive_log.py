@@ -15,10 +15,10 @@ from scipy.special import chdtrc
 from treadline.core.errors import PoorExcitation
 from treadline.core.linear_systems import TESTED_LAGS
 from treadline.core.models import InputOutputRecord
-from treadline.core.turning import radians, turn_channels
+from treadline.core.turning import integral_faults, radians, turn_channels
 from treadline.identification._belts import DIFFERENCE, DifferentialInput, named_belts, named_differential
 from treadline.identification._checks import channel_names
-from treadline.identification._limits import HALF, PREDICTABLE, ROUNDING, ROWS_PER_PARAMETER, SIGNIFICANCE, TOLERANCE
+from treadline.identification._limits import HALF, PREDICTABLE, ROUNDING, ROWS_PER_PARAMETER, SIGNIFICANCE
 
 ROWS_MOST = 2000
 """Largest number of windows in a test, spread over all records: bounds its time to some milliseconds."""
@@ -54,13 +54,21 @@ class DriveLog:
 class LogFindings:
     """Findings about the records of a fit."""
 
-    lines: tuple[str, ...]
+    causes: tuple[str, ...]
+    """Lines but those about the heading."""
+    headings: tuple[str, ...]
+    """Lines about a heading that is wrapped, or not the integral of the yaw rate; a faulty model repeats the latter."""
     has_feedback: bool
     """Whether the outputs significantly determine the inputs."""
     is_table: bool
     """Whether no output depends on the rows before it."""
     is_integral: bool
     """Whether the heading is the integral of the yaw rate, or only one of them was recorded."""
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """All findings."""
+        return self.causes + self.headings
 
 
 def examine(log: DriveLog, *, name_prior: bool = True) -> LogFindings:
@@ -75,7 +83,8 @@ def examine(log: DriveLog, *, name_prior: bool = True) -> LogFindings:
     has_feedback, feedback = _feedback(tested, name_prior=name_prior, is_integral=is_integral)
     static, is_feedback = _static(tested, name_prior=name_prior)
     return LogFindings(
-        lines=(*log.findings, *feedback, *_single_frequencies(tested), *static, *(integrator if name_prior else ())),
+        causes=(*log.findings, *feedback, *_single_frequencies(tested), *static),
+        headings=tuple(integrator) if name_prior else (),
         has_feedback=has_feedback or is_feedback,
         is_table=bool(static) and not is_feedback,
         is_integral=is_integral,
@@ -341,19 +350,15 @@ def _integrator(records: Sequence[InputOutputRecord]) -> tuple[bool, list[str]]:
         return True, []
     heading, unit = names[turn.heading], radians(names[turn.heading])
     bounds = None if turn.yaw_rate is None else _heading_over_yaw_rate(records, turn.heading, turn.yaw_rate)
-    is_integral = turn.yaw_rate is None or (bounds is not None and bounds[0] < 1.0 + TOLERANCE and bounds[1] > 1.0 - TOLERANCE)
+    faults = [] if bounds is None else integral_faults(heading, *bounds)
+    is_integral = turn.yaw_rate is None or (bounds is not None and not faults)
     jumps = sum(int(np.sum(np.abs(np.diff(record.y[:, turn.heading])) * unit > np.pi)) for record in records)
     if not heading.endswith(("_rad", "_deg")):
         return is_integral, []
     if jumps:
         remedy = "unwrap it (numpy.unwrap) and name it _unwrapped_rad"
         return is_integral, [f"wrapped angle: '{heading}' jumps by half a turn or more at {jumps} rows; {remedy}"]
-    if is_integral or bounds is None:
-        return is_integral, []
-    return False, [
-        f"integrator: '{heading}' changes by {bounds[0]:.2g} to {bounds[1]:.2g} of the yaw rate's integral, not by 1: check "
-        "units, signs, the period and the order of the rows"
-    ]
+    return is_integral, faults
 
 
 def _heading_over_yaw_rate(records: Sequence[InputOutputRecord], heading: int, yaw_rate: int) -> tuple[float, float] | None:

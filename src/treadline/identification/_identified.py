@@ -31,10 +31,10 @@ from treadline.identification._drive_log import DriveLog, LogFindings, examine
 from treadline.identification._era import HankelSvd
 from treadline.identification._fitting import CandidateScore, FittedSystem, Fitting
 from treadline.identification._gram import Gram, units_of
+from treadline.identification._intervals import MEMORY_PER_LAG, ConfidenceIntervals, of_observer, of_predicting, of_refined
 from treadline.identification._limits import HALF, RECENT, ROUNDING
 from treadline.identification._model_order import gap_at
 from treadline.identification._operating_points import second_operating_point
-from treadline.identification._pole_intervals import MEMORY_PER_LAG, ConfidenceIntervals, of_observer, of_predicting, of_refined
 from treadline.identification._skid_steer import SkidSteer, TurnFit, turn_fit
 from treadline.identification._threads import one_thread
 from treadline.identification._turn_model import (
@@ -276,7 +276,10 @@ class Identified(Printable):
         """The same model with its unstable poles reflected, and inputs fitted to the free run; None for a stable model."""
         if self.again is None or not is_unstable(self.free):
             return None
-        return self.again(stable=True).free
+        model = self.found.reflected().model(self.method, name_prior=self.name_prior)
+        if self.differential is not None:
+            model = self.differential.model(model, self.free.input_offset)
+        return replace(model, input_delay=self.free.input_delay)
 
     @cached_property
     def _compared(self) -> list[Comparison]:
@@ -386,7 +389,7 @@ class Identified(Printable):
         found, model = self.found, self.model
         support = excitation_order(found.fitting.data, samples=FEW_SAMPLES)
         fit = self._turn_fit
-        warnings = [*self.findings.lines, *self._turn_warnings(), *found.warnings, *self._excitation_warning(support)]
+        warnings = [*self.findings.causes, *self._turn_warnings(), *found.warnings, *self._excitation_warning(support)]
         poles = np.linalg.eigvals(found.system.A).astype(complex)
         radii = None if self.intervals is None else self.intervals.pole_radii()
         report = IdentificationReport(
@@ -503,17 +506,19 @@ class Identified(Printable):
     def _turn_warnings(self) -> list[str]:
         """Return how the model's yaw gain agrees with the skid-steer fit."""
         fit, off = self._turn_fit, self._contradiction
+        # A model with a fault says what its log says.
+        faults = (turn_faults(self.model) if self.name_prior else []) or list(self.findings.headings)
         if fit is None:
-            return turn_faults(self.model) if self.name_prior else []
+            return faults
         if off is None or not (self._is_structure or off.is_large):
-            return [*turn_faults(self.model), *input_noise_warning(fit)]
+            return [*faults, *input_noise_warning(fit)]
         if not self._is_structure:
             line = f"yaw gain: {off}: feedback, noise of the inputs or too high an order; tune no model before they agree"
         else:
             why = "whose steady gain is a guess" if off.is_large else "which explains no more"
             why = "which feedback may have made the controller's inverse" if self.findings.has_feedback else why
             line = f"the model is a gain and a lag, by the columns' names: {off}; --no-name-prior keeps the free model, {why}"
-        return [*turn_faults(self.model), *input_noise_warning(fit), line]
+        return [*faults, *input_noise_warning(fit), line]
 
     def _collinearity(self) -> list[str]:
         """Return which inputs are nearly collinear, so that their separate effects are poorly determined."""

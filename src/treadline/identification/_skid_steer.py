@@ -7,7 +7,7 @@ and gauge: the scales are relative to their mean, and the gauge is the effective
 costs.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -16,18 +16,16 @@ from jaxtyping import Float
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import LinAlgError
 from scipy.signal import lfilter
-from scipy.special import ndtri
 
-from treadline.core.arrays import CONFIDENCE
 from treadline.core.linear_systems import most_recent
 from treadline.core.models import InputOutputRecord
 from treadline.core.turning import turn_channels
 from treadline.identification._belts import DifferentialInput, named_belts, turn_rate
 from treadline.identification._dead_time import dead_time
-from treadline.identification._descent import Linearised, descended
 from treadline.identification._gram import runs_of
+from treadline.identification._intervals import Estimate, covariance_of
 from treadline.identification._limits import LAGS_MOST, RECENT, ROUNDING, ROWS_PER_PARAMETER
-from treadline.identification._pole_intervals import MEMORY
+from treadline.identification._refine import Linearised, descended
 
 NOISE_LAGS = 6
 """Lags of the noise's autoregression: slip and measurement noise need two, the noise of a differenced heading more."""
@@ -35,15 +33,6 @@ DECAYS = (0.3, 0.8)
 """Decays of a lag per sample from which the fit starts: time constants of about one sample and of about five."""
 DECAY_MOST = 0.999
 """Largest decay: a time constant of a thousand samples."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Estimate:
-    """Value with the bounds of its interval of 95 %."""
-
-    value: float
-    low: float
-    high: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,14 +109,7 @@ class TurnFit:
 
     def yaw_gain(self, step: Float[np.ndarray, " m"]) -> Estimate:
         """Return the steady yaw rate after a step of the inputs."""
-        return self._estimate(lambda theta: float(step @ self._gains(theta)))
-
-    def _estimate(self, value: Callable[[Float[np.ndarray, " k"]], float]) -> Estimate:
-        """Return a function of the parameters with its interval, to first order."""
-        at, steps = value(self.theta), 1e-6 * np.maximum(np.abs(self.theta), 1e-6)
-        slope = np.array([(value(self.theta + step) - at) / step.sum() for step in np.diag(steps)])
-        reach = float(ndtri(0.5 + 0.5 * CONFIDENCE)) * float(np.sqrt(max(slope @ self.covariance @ slope, 0.0)))
-        return Estimate(value=at, low=at - reach, high=at + reach)
+        return Estimate.of(lambda theta: float(step @ self._gains(theta)), self.theta, self.covariance)
 
     def described(self) -> SkidSteer | None:
         """Return the fit in words; None if other inputs than belts steer."""
@@ -139,7 +121,8 @@ class TurnFit:
         gauge = [1.0 / number if number > 0.0 else np.inf for number in (abs(gain.value), *ends)]
         scales = {}
         for j, name in enumerate(names if len(self.mixing) > 1 else ()):
-            scales[name] = self._estimate(partial(self._share, np.eye(2)[j] * signs, 0.5 * signs))
+            share = partial(self._share, np.eye(2)[j] * signs, 0.5 * signs)
+            scales[name] = Estimate.of(share, self.theta, self.covariance)
         return SkidSteer(
             yaw_gain_rad_m=gain,
             gauge_m=Estimate(value=gauge[0], low=gauge[1], high=gauge[2]),
@@ -160,7 +143,7 @@ class TurnFit:
 
     def _lag(self, belt: int) -> Estimate:
         q = len(self.mixing)
-        decay = self._estimate(lambda theta: float(theta[q + min(belt, q - 1)]))
+        decay = Estimate.of(lambda theta: float(theta[q + min(belt, q - 1)]), self.theta, self.covariance)
         value, low, high = (self._time_constant(number) for number in (decay.value, decay.low, decay.high))
         return Estimate(value=value, low=low, high=high)
 
@@ -305,21 +288,11 @@ def _regression(runs: list[_Run], shift: int) -> tuple[Float[np.ndarray, " k"], 
     X = [np.column_stack([run.u[: len(run.u) - shift], np.ones(len(run.u) - shift)]) for run in runs]
     rates = [run.rate[shift:] for run in runs]
     beta = np.linalg.lstsq(np.vstack(X), np.concatenate(rates), rcond=None)[0]
-    inverse = np.linalg.pinv(np.sum([x.T @ x for x in X], axis=0))
-    meat = np.sum([_long_run(x * (rate - x @ beta)[:, None]) for x, rate in zip(X, rates, strict=True)], axis=0)
+    pairs = [(x, rate - x @ beta) for x, rate in zip(X, rates, strict=True)]
     linear = np.array([*range(m), 2 * m])
     theta, covariance = np.zeros(2 * m + 1 + NOISE_LAGS), np.zeros((2 * m + 1 + NOISE_LAGS,) * 2)
-    theta[linear], covariance[np.ix_(linear, linear)] = beta, inverse @ meat @ inverse
+    theta[linear], covariance[np.ix_(linear, linear)] = beta, covariance_of(pairs, 1, sum(map(len, rates)))
     return theta, covariance
-
-
-def _long_run(products: Float[np.ndarray, "T q"]) -> Float[np.ndarray, "q q"]:
-    """Return the sum of the products' covariances over lags, with Bartlett weights."""
-    memory, S = int(MEMORY * len(products) ** (1.0 / 3.0)), products.T @ products
-    for lag in range(1, memory + 1):
-        C = products[lag:].T @ products[:-lag]
-        S += (1.0 - lag / (memory + 1.0)) * (C + C.T)
-    return S
 
 
 def _normal(runs: list[_Run], theta: Float[np.ndarray, " k"], shift: int) -> _Descent:

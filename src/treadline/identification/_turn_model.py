@@ -16,8 +16,9 @@ from treadline.core.linear_systems import fit_percent, simulate
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.core.turning import radians, turn_channels
 from treadline.identification._belts import turn_rate
+from treadline.identification._intervals import Estimate
 from treadline.identification._limits import HALF, TOLERANCE
-from treadline.identification._skid_steer import Estimate, TurnFit
+from treadline.identification._skid_steer import TurnFit
 
 SETTLED = 0.01
 """Share of a step that a lag leaves when its yaw gain is read."""
