@@ -92,14 +92,21 @@ class Selection:
     distances: Float[np.ndarray, " members"]
     chosen: Member
 
+    @property
+    def candidates(self) -> list[CandidateScore]:
+        """Members, nearest to the median first."""
+        nearest = sorted(zip(self.members, self.distances.tolist(), strict=True), key=lambda item: item[1])
+        return [
+            CandidateScore(order=one.order, decay=one.decay, distance=finite_or_none(far), chosen=one is self.chosen)
+            for one, far in nearest
+        ]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Ensemble:
     """Model made of the medoid, or of the member of smallest order that the data do not distinguish from it."""
 
-    candidates: Sequence[CandidateScore]
-    """Members, nearest to the median first."""
-    order: int
+    selection: Selection
     system: Affine
     step: str
     """Last fitting step of the model: ``subspace``, ``inputs-again`` or ``output-error``."""
@@ -154,16 +161,7 @@ def ensemble(fitting: Fitting, orders: Sequence[int] | None, on_progress: Callab
     explained = _explained(experiments, system)
     if not explained.all():
         system = replace(system, C=system.C * explained[:, None], D=system.D * explained[:, None], K=None)
-    return _made(selection, system, step, explained)
-
-
-def _made(selection: Selection, system: Affine, step: str, explained: Bool[np.ndarray, " p"]) -> Ensemble:
-    nearest = sorted(zip(selection.members, selection.distances.tolist(), strict=True), key=lambda item: item[1])
-    candidates = [
-        CandidateScore(order=one.order, decay=one.decay, distance=finite_or_none(far), chosen=one is selection.chosen)
-        for one, far in nearest
-    ]
-    return Ensemble(candidates=candidates, order=selection.chosen.order, system=system, step=step, explained=explained)
+    return Ensemble(selection=selection, system=system, step=step, explained=explained)
 
 
 def _realised(fitting: Fitting, decay: float, orders: Sequence[int] | None) -> Iterator[Member]:
@@ -257,7 +255,8 @@ def _unstable(fitting: Fitting, members: Sequence[Member]) -> Ensemble:
     distances = _from_median(_impulses(fitting, members, fitting.data.lags + 1), np.array([one.votes for one in members]))
     medoid = members[int(np.argmin(distances))]
     selection = Selection(members=members, distances=distances, chosen=medoid)
-    return _made(selection, medoid.system, "subspace", np.ones(len(medoid.system.C), dtype=np.bool_))
+    explained = np.ones(len(medoid.system.C), dtype=np.bool_)
+    return Ensemble(selection=selection, system=medoid.system, step="subspace", explained=explained)
 
 
 def _refined(

@@ -119,10 +119,10 @@ def _by_ensemble(
         evidence=evidence,
         subspace="pbsid",
         lags=fitting.data.lags,
-        order=found.order,
+        order=found.selection.chosen.order,
         system=fitting.with_gain(found.system),
         step=found.step,
-        candidates=found.candidates,
+        candidates=found.selection.candidates,
         warnings=warnings,
     )
 
