@@ -162,21 +162,15 @@ class DriveLog:
 class LogFindings:
     """Findings about the records of a fit."""
 
-    causes: tuple[str, ...]
-    """Lines but those about the heading."""
+    lines: tuple[str, ...]
     headings: tuple[str, ...]
-    """Lines about a heading that is wrapped, or not the integral of the yaw rate; a faulty model repeats the latter."""
+    """Those about a heading that is wrapped, or not the integral of the yaw rate; a faulty model repeats the latter."""
     has_feedback: bool
     """Whether the outputs significantly determine the inputs."""
     is_table: bool
     """Whether no output depends on the rows before it."""
     is_integral: bool
     """Whether the heading is the integral of the yaw rate, or only one of them was recorded."""
-
-    @property
-    def lines(self) -> tuple[str, ...]:
-        """All findings."""
-        return self.causes + self.headings
 
 
 def examine(log: DriveLog, *, name_prior: bool = True) -> LogFindings:
@@ -190,9 +184,10 @@ def examine(log: DriveLog, *, name_prior: bool = True) -> LogFindings:
     is_integral, integrator = _integrator(tested)
     has_feedback, feedback = _feedback(tested, name_prior=name_prior, is_integral=is_integral)
     static, is_feedback = _static(tested, name_prior=name_prior)
+    headings = tuple(integrator) if name_prior else ()
     return LogFindings(
-        causes=(*log.findings, *feedback, *_single_frequencies(tested), *static),
-        headings=tuple(integrator) if name_prior else (),
+        lines=(*log.findings, *feedback, *_single_frequencies(tested), *static, *headings),
+        headings=headings,
         has_feedback=has_feedback or is_feedback,
         is_table=bool(static) and not is_feedback,
         is_integral=is_integral,

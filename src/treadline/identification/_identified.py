@@ -273,11 +273,7 @@ class Identified(Printable):
 
     @cached_property
     def _compared(self) -> list[Comparison]:
-        return [compare(self.judge.free, record) for record in self._tested]
-
-    @cached_property
-    def _tested(self) -> list[InputOutputRecord]:
-        return tested(self.judge.judged)
+        return [compare(self.judge.free, record) for record in tested(self.judge.judged)]
 
     @cached_property
     def _explained(self) -> dict[str, float]:
@@ -287,7 +283,7 @@ class Identified(Printable):
         step ahead any integral is explained, by what it was; over the horizon the inputs have to move it.
         """
         run = mean_by_output([one.percent for one in self._compared])
-        ahead = mean_by_output([skill_percent(self.judge.free, record) for record in self._tested])
+        ahead = mean_by_output([skill_percent(self.judge.free, record) for record in tested(self.judge.judged)])
         return {name: round(max(ahead[name], 100.0 * (1.0 - (1.0 - 0.01 * run[name]) ** 2)), 1) for name in run}
 
     @cached_property
@@ -394,7 +390,8 @@ class Identified(Printable):
         found, model = self.found, self.model
         support = excitation_order(found.fitting.data, samples=FEW_SAMPLES)
         fit = self._turn_fit
-        warnings = [*self.findings.causes, *self._turn_warnings(), *found.warnings, *self._excitation_warning(support)]
+        others = [line for line in self.findings.lines if line not in self.findings.headings]
+        warnings = [*others, *self._turn_warnings(), *found.warnings, *self._excitation_warning(support)]
         poles = np.linalg.eigvals(found.system.A).astype(complex)
         radii = None if self.intervals is None else self.intervals.pole_radii()
         report = IdentificationReport(
@@ -428,7 +425,7 @@ class Identified(Printable):
     def _companion_percent(self) -> dict[str, float] | None:
         """Return the fit of a free run of the companion of the model that is judged; None for a stable one."""
         companion = self.judge.companion
-        return None if companion is None else mean_by_output([compare(companion, one).percent for one in self._tested])
+        return None if companion is None else mean_by_output([compare(companion, one).percent for one in tested(self.judge.judged)])
 
     def _judged_on(self) -> str:
         if self.judge is not self:

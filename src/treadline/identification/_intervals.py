@@ -52,15 +52,15 @@ class Estimate:
     low: float
     high: float
 
-    @classmethod
-    def of(
-        cls, value: Callable[[Float[np.ndarray, " k"]], float], theta: Float[np.ndarray, " k"], covariance: Float[np.ndarray, "k k"]
-    ) -> "Estimate":
-        """Return a function of parameters with its interval."""
-        at, steps = value(theta), 1e-6 * np.maximum(np.abs(theta), 1e-6)
-        slope = np.array([(value(theta + step) - at) / step.sum() for step in np.diag(steps)])
-        reach = NORMAL_95 * float(np.sqrt(max(slope @ covariance @ slope, 0.0)))
-        return cls(value=at, low=at - reach, high=at + reach)
+
+def estimate(
+    value: Callable[[Float[np.ndarray, " k"]], float], theta: Float[np.ndarray, " k"], covariance: Float[np.ndarray, "k k"]
+) -> Estimate:
+    """Return a function of parameters with its interval."""
+    at, steps = value(theta), 1e-6 * np.maximum(np.abs(theta), 1e-6)
+    slope = np.array([(value(theta + step) - at) / step.sum() for step in np.diag(steps)])
+    reach = NORMAL_95 * float(np.sqrt(max(slope @ covariance @ slope, 0.0)))
+    return Estimate(value=at, low=at - reach, high=at + reach)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -30,7 +30,7 @@ from treadline.core.turning import radians, turn_channels
 from treadline.identification._dead_time import dead_time
 from treadline.identification._drive_log import DifferentialInput, named_belts, turn_rate
 from treadline.identification._gram import runs_of
-from treadline.identification._intervals import Estimate, covariance_of
+from treadline.identification._intervals import Estimate, covariance_of, estimate
 from treadline.identification._limits import HALF, LAGS_MOST, RECENT, ROUNDING, ROWS_PER_PARAMETER, TOLERANCE
 from treadline.identification._refine import Linearised, descended
 
@@ -120,7 +120,7 @@ class TurnFit:
 
     def yaw_gain(self, step: Float[np.ndarray, " m"]) -> Estimate:
         """Return the steady yaw rate after a step of the inputs."""
-        return Estimate.of(lambda theta: float(step @ self._gains(theta)), self.theta, self.covariance)
+        return estimate(lambda theta: float(step @ self._gains(theta)), self.theta, self.covariance)
 
     def described(self) -> SkidSteer | None:
         """Return the fit in words; None if other inputs than belts steer."""
@@ -133,7 +133,7 @@ class TurnFit:
         scales = {}
         for j, name in enumerate(names if len(self.mixing) > 1 else ()):
             share = partial(self._share, np.eye(2)[j] * signs, 0.5 * signs)
-            scales[name] = Estimate.of(share, self.theta, self.covariance)
+            scales[name] = estimate(share, self.theta, self.covariance)
         return SkidSteer(
             yaw_gain_rad_m=gain,
             gauge_m=Estimate(value=gauge[0], low=gauge[1], high=gauge[2]),
@@ -154,7 +154,7 @@ class TurnFit:
 
     def _lag(self, belt: int) -> Estimate:
         q = len(self.mixing)
-        decay = Estimate.of(lambda theta: float(theta[q + min(belt, q - 1)]), self.theta, self.covariance)
+        decay = estimate(lambda theta: float(theta[q + min(belt, q - 1)]), self.theta, self.covariance)
         value, low, high = (self._time_constant(number) for number in (decay.value, decay.low, decay.high))
         return Estimate(value=value, low=low, high=high)
 
