@@ -16,7 +16,7 @@ from treadline.core.linear_systems import impulse_response, simulate
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification._affine import Affine, to_model
 from treadline.identification._gram import units_of
-from treadline.identification._pole_intervals import ConfidenceIntervals, of_refined
+from treadline.identification._intervals import ConfidenceIntervals, of_refined
 from treadline.identification._refine import experiments_of, refined
 
 FREE = np.zeros((2, 3), dtype=bool)

@@ -40,12 +40,14 @@ def shaped(name: str, given: object, shape: tuple[int | None, ...], wanted: str)
 
 def observability(A: Float[np.ndarray, "n n"], C: Float[np.ndarray, "p n"], steps: int) -> Float[np.ndarray, "steps p n"]:
     """Return the observability matrix C, CA, CA², …, by doubling; infinite where it diverges."""
-    rows, power = C[None], A
+    rows, power, done = np.empty((steps, *C.shape)), A, 1
+    rows[:1] = C
     with np.errstate(over="ignore", invalid="ignore"):
-        while len(rows) < steps:
-            rows = np.concatenate([rows, (rows.reshape(len(rows) * len(C), len(A)) @ power).reshape(rows.shape)])
-            power = power @ power
-    return np.array(rows[:steps])
+        while done < steps:
+            more = min(done, steps - done)
+            rows[done : done + more] = (rows[:more].reshape(more * len(C), len(A)) @ power).reshape(more, *C.shape)
+            power, done = power @ power, done + more
+    return rows
 
 
 def markov_parameters(

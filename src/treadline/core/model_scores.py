@@ -47,9 +47,6 @@ class Comparison(Printable, Plottable):
     persistence_percent: dict[str, float] | None
     """The same measure for outputs that stay as they are over the horizon; None for a stable model."""
     forecast_horizon_s: float | None
-    skill_percent: dict[str, float]
-    """Share of the variance that forecasts explain, ten samples ahead or over the horizon, of what neither the mean nor persistence
-    does [%]."""
     one_step_vaf_percent: dict[str, float]
     """Variance accounted for one step ahead [%]."""
     whiteness_p: float | None
@@ -99,13 +96,10 @@ def compare(model: StateSpaceModel, record: InputOutputRecord) -> Comparison:
     names = channel_names(model)[1]
     unstable, steps = is_unstable(model), forecast_steps(model, len(record))
     run, scored = fair_run(model, record)
-    before = np.full(record.y.shape, np.nan)
-    before[steps:] = record.y[:-steps]
     with np.errstate(over="ignore", invalid="ignore"):
-        ahead, later = predictions(model, record), predictions(model, record, steps)
+        ahead, run = predictions(model, record), predictions(model, record, steps) if unstable else run
         residuals = np.where(scored[:, None], record.y - ahead, np.nan)
-        skill = _skill(record.y[scored], later[scored], before[scored])
-    run = later if unstable else run
+    before = _persisting(record, steps)
     first = prefix(len(record), model.order, len(model.C))
     percent, stays = (dict(zip(names, percent_of(record.y[scored], item[scored]).tolist(), strict=True)) for item in (run, before))
     known = np.isfinite(residuals)
@@ -117,7 +111,6 @@ def compare(model: StateSpaceModel, record: InputOutputRecord) -> Comparison:
         forecast_percent=percent if unstable else None,
         persistence_percent=stays if unstable else None,
         forecast_horizon_s=steps * model.dt_s if unstable else None,
-        skill_percent=dict(zip(names, skill.tolist(), strict=True)),
         one_step_vaf_percent=dict(zip(names, vaf.tolist(), strict=True)),
         whiteness_p=finite_or_none(whiteness_p(residuals)) if tested else None,
         crosscorrelation_p=finite_or_none(crosscorrelation_p(residuals, without_dead_time(model, record)[1].u)) if tested else None,
@@ -136,11 +129,25 @@ def forecast_steps(model: StateSpaceModel, samples: int) -> int:
     return max(FORECAST_STEPS, min(round(GROWTH / math.log(spectral_radius(model.A))), samples // 10))
 
 
-def _skill(
-    y: Float[np.ndarray, "T p"], forecast: Float[np.ndarray, "T p"], before: Float[np.ndarray, "T p"]
-) -> Float[np.ndarray, " p"]:
-    """Return the share of the squared error of the better of mean and persistence that a forecast explains [%]."""
-    known = np.isfinite(y) & np.isfinite(forecast) & np.isfinite(before)
-    mean = np.sum(y, axis=0, where=known) / np.maximum(known.sum(axis=0), 1)
-    error, about, moved = (np.sum((y - item) ** 2, axis=0, where=known) for item in (forecast, mean, before))
-    return np.asarray(100.0 * (1.0 - error / np.maximum(np.minimum(about, moved), 1e-300)))
+def skill_percent(model: StateSpaceModel, record: InputOutputRecord) -> dict[str, float]:
+    """Return the share of the squared error of the better of mean and persistence that a forecast explains, by output [%].
+
+    The forecast is over ``forecast_steps``, and scored on the samples of ``compare``.
+    """
+    steps, (_, scored) = forecast_steps(model, len(record)), fair_run(model, record)
+    with np.errstate(over="ignore", invalid="ignore"):
+        y, forecast, before = (
+            values[scored] for values in (record.y, predictions(model, record, steps), _persisting(record, steps))
+        )
+        known = np.isfinite(y) & np.isfinite(forecast) & np.isfinite(before)
+        mean = np.sum(y, axis=0, where=known) / np.maximum(known.sum(axis=0), 1)
+        error, about, moved = (np.sum((y - item) ** 2, axis=0, where=known) for item in (forecast, mean, before))
+    skill = 100.0 * (1.0 - error / np.maximum(np.minimum(about, moved), 1e-300))
+    return dict(zip(channel_names(model)[1], skill.tolist(), strict=True))
+
+
+def _persisting(record: InputOutputRecord, steps: int) -> Float[np.ndarray, "T p"]:
+    """Return the outputs some steps before; NaN at the start."""
+    before = np.full(record.y.shape, np.nan)
+    before[steps:] = record.y[:-steps]
+    return before

@@ -135,4 +135,4 @@ def _searched(records: Sequence[InputOutputRecord], first: Sequence[int], reach:
         if evidence(own) - evidence(found) > (price if len(set(found)) == 1 else 0.0):
             found = own
     # Few lags do not hold the memory of a plant of high order, of which a dead time leaves more inside.
-    return found if evidence(found, most) > evidence(none, most) else none
+    return found if found != none and evidence(found, most) > evidence(none, most) else none

@@ -18,10 +18,12 @@ from scipy.linalg import solve_discrete_are
 from treadline.core.linear_systems import most_recent
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.core.state_space import Provenance
-from treadline.identification._affine import Affine, to_model
+from treadline.core.turning import NAME_PRIOR
+from treadline.identification._affine import Affine, stabilised, to_model
+from treadline.identification._checks import channel_names
 from treadline.identification._era import HankelSvd
 from treadline.identification._gram import Gram, gram_of
-from treadline.identification._modes import Experiment
+from treadline.identification._modes import Experiment, with_inputs_again
 from treadline.identification._okid import ObserverMarkov
 from treadline.identification._refine import Directions, experiments_of, predictors_of, refit
 
@@ -154,7 +156,16 @@ class FittedSystem:
     """Members of the ensemble, nearest to the median first."""
     warnings: Sequence[str] = ()
 
-    def model(self, method: str, names: tuple[str, ...]) -> LinearModel:
-        """Return the model in the record's units; its provenance has method, order, lags and last step."""
-        provenance: Provenance = {"method": method, "order": self.order, "lags": self.lags, "step": self.step}
-        return to_model(self.system, self.fitting.data.units, self.fitting.data.dt_s, names, provenance)
+    def model(self, method: str, *, name_prior: bool) -> LinearModel:
+        """Return the model in the record's units; its provenance has method, order, lags, last step, and what the names may say."""
+        known: Provenance = {"method": method, "order": self.order, "lags": self.lags, "step": self.step, NAME_PRIOR: name_prior}
+        names = channel_names(self.fitting.records[0])
+        return to_model(self.system, self.fitting.data.units, self.fitting.data.dt_s, names, known)
+
+    def reflected(self) -> "FittedSystem":
+        """Return the model with unstable poles reflected, inputs and gain fitted to them; a stable model is returned unchanged."""
+        system = stabilised(self.system)
+        if system is self.system:
+            return self
+        system = with_inputs_again(system, self.fitting.experiments, self.fitting.fixed)
+        return replace(self, system=self.fitting.with_gain(system))

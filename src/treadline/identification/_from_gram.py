@@ -16,7 +16,7 @@ from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification._affine import to_model
 from treadline.identification._checks import channel_names, check_excitation, check_independent, check_integers, check_records
 from treadline.identification._deconvolution import observer_of
-from treadline.identification._ensemble import ensemble
+from treadline.identification._ensemble import candidates_of, ensemble
 from treadline.identification._fitting import Evidence, FittedSystem, Fitting
 from treadline.identification._gram import Gram, Units, gram_of
 from treadline.identification._model_order import (
@@ -119,10 +119,10 @@ def _by_ensemble(
         evidence=evidence,
         subspace="pbsid",
         lags=fitting.data.lags,
-        order=found.order,
+        order=found.selection.chosen.order,
         system=fitting.with_gain(found.system),
         step=found.step,
-        candidates=found.candidates,
+        candidates=candidates_of(found.selection),
         warnings=warnings,
     )
 

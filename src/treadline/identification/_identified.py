@@ -18,30 +18,31 @@ from numpy.typing import ArrayLike
 from treadline.core import linear_systems
 from treadline.core.arrays import finite_or_none, spectral_radius
 from treadline.core.errors import RecordError
-from treadline.core.model_scores import TESTED_SAMPLES_MIN, Comparison, compare
+from treadline.core.model_scores import TESTED_SAMPLES_MIN, Comparison, compare, skill_percent
 from treadline.core.models import EXPLAINED, InputOutputRecord, LinearModel
 from treadline.core.printing import Printable, p_text, percent_text, plain
 from treadline.core.transfer_function import StabilisationDiagram, is_unstable
 from treadline.core.turning import NAME_PRIOR, YAW_GAIN, turn_channels, turn_faults
 from treadline.identification._affine import of_model
-from treadline.identification._belts import DifferentialInput
 from treadline.identification._checks import FEW_SAMPLES, excitation_order, insufficient_excitation
 from treadline.identification._dead_time import without_delays
-from treadline.identification._drive_log import DriveLog, LogFindings, examine
+from treadline.identification._drive_log import DifferentialInput, DriveLog, LogFindings, examine
 from treadline.identification._era import HankelSvd
 from treadline.identification._fitting import CandidateScore, FittedSystem, Fitting
 from treadline.identification._gram import Gram, units_of
+from treadline.identification._intervals import MEMORY_PER_LAG, ConfidenceIntervals, of_observer, of_predicting, of_refined
 from treadline.identification._limits import HALF, RECENT, ROUNDING
 from treadline.identification._model_order import gap_at
 from treadline.identification._operating_points import second_operating_point
-from treadline.identification._pole_intervals import MEMORY_PER_LAG, ConfidenceIntervals, of_observer, of_predicting, of_refined
-from treadline.identification._skid_steer import SkidSteer, TurnFit, turn_fit
 from treadline.identification._threads import one_thread
-from treadline.identification._turn_model import (
+from treadline.identification._turn_fit import (
     Contradiction,
+    SkidSteer,
+    TurnFit,
     contradiction,
     fits_as_well,
     input_noise_warning,
+    turn_fit,
     turn_model,
 )
 from treadline.identification.stabilisation import stabilisation_of_svd
@@ -123,11 +124,10 @@ class IdentificationReport:
         return dict(plain(asdict(self)))
 
 
-def compared(model: LinearModel, judged: Sequence[InputOutputRecord]) -> list[Comparison]:
-    """Return the comparisons with the most recent samples; records too short for the tests are left out where others are not."""
+def tested(judged: Sequence[InputOutputRecord]) -> list[InputOutputRecord]:
+    """Return the most recent samples; records too short for the tests are left out where others are not."""
     recent = linear_systems.most_recent(judged, RECENT)
-    tested = [record for record in recent if whole_samples(record) >= TESTED_SAMPLES_MIN]
-    return [compare(model, record) for record in tested or [max(recent, key=whole_samples)]]
+    return [record for record in recent if whole_samples(record) >= TESTED_SAMPLES_MIN] or [max(recent, key=whole_samples)]
 
 
 def validation_scores(found: Sequence[Comparison]) -> dict[str, Any]:
@@ -154,16 +154,6 @@ def mean_by_output(percents: Sequence[dict[str, float] | None]) -> dict[str, flo
     known = [one for one in percents if one is not None]
     mean = np.array([list(one.values()) for one in known]).mean(axis=0)
     return dict(zip(known[0], np.where(mean > -1e9, mean, -1e9).tolist(), strict=True))  # also for NaN
-
-
-def explained_percent(found: Sequence[Comparison]) -> dict[str, float]:
-    """Return the share of each output's variance that a free run explains, or a forecast more than persistence, the larger [%].
-
-    The free run of a heading drifts with the smallest disturbance: of the paper's ten excitations it explains 0 to 16 %. One step
-    ahead any integral is explained, by what it was; over the horizon the inputs have to move it.
-    """
-    run, ahead = (mean_by_output([getattr(one, name) for one in found]) for name in ("percent", "skill_percent"))
-    return {name: round(max(ahead[name], 100.0 * (1.0 - (1.0 - 0.01 * run[name]) ** 2)), 1) for name in run}
 
 
 def whole_samples(record: InputOutputRecord) -> int:
@@ -276,11 +266,25 @@ class Identified(Printable):
         """The same model with its unstable poles reflected, and inputs fitted to the free run; None for a stable model."""
         if self.again is None or not is_unstable(self.free):
             return None
-        return self.again(stable=True).free
+        model = self.found.reflected().model(self.method, name_prior=self.name_prior)
+        if self.differential is not None:
+            model = self.differential.model(model, self.free.input_offset)
+        return replace(model, input_delay=self.free.input_delay)
 
     @cached_property
     def _compared(self) -> list[Comparison]:
-        return compared(self.judge.free, self.judge.judged)
+        return [compare(self.judge.free, record) for record in tested(self.judge.judged)]
+
+    @cached_property
+    def _explained(self) -> dict[str, float]:
+        """The share of each output's variance that a free run explains, or a forecast more than persistence, the larger [%].
+
+        The free run of a heading drifts with the smallest disturbance: of the paper's ten excitations it explains 0 to 16 %. One
+        step ahead any integral is explained, by what it was; over the horizon the inputs have to move it.
+        """
+        run = mean_by_output([one.percent for one in self._compared])
+        ahead = mean_by_output([skill_percent(self.judge.free, record) for record in tested(self.judge.judged)])
+        return {name: round(max(ahead[name], 100.0 * (1.0 - (1.0 - 0.01 * run[name]) ** 2)), 1) for name in run}
 
     @cached_property
     def model(self) -> LinearModel:
@@ -290,7 +294,7 @@ class Identified(Printable):
     def _figures(self) -> dict[str, Any]:
         fit = self._turn_fit
         gain = None if fit is None or fit.belts is None else fit.yaw_gain(fit.steps[0])
-        return {EXPLAINED: explained_percent(self._compared)} | ({} if gain is None else {YAW_GAIN: [gain.low, gain.high]})
+        return {EXPLAINED: self._explained} | ({} if gain is None else {YAW_GAIN: [gain.low, gain.high]})
 
     @cached_property
     @one_thread()
@@ -386,7 +390,8 @@ class Identified(Printable):
         found, model = self.found, self.model
         support = excitation_order(found.fitting.data, samples=FEW_SAMPLES)
         fit = self._turn_fit
-        warnings = [*self.findings.lines, *self._turn_warnings(), *found.warnings, *self._excitation_warning(support)]
+        others = [line for line in self.findings.lines if line not in self.findings.headings]
+        warnings = [*others, *self._turn_warnings(), *found.warnings, *self._excitation_warning(support)]
         poles = np.linalg.eigvals(found.system.A).astype(complex)
         radii = None if self.intervals is None else self.intervals.pole_radii()
         report = IdentificationReport(
@@ -420,7 +425,7 @@ class Identified(Printable):
     def _companion_percent(self) -> dict[str, float] | None:
         """Return the fit of a free run of the companion of the model that is judged; None for a stable one."""
         companion = self.judge.companion
-        return None if companion is None else mean_by_output([one.percent for one in compared(companion, self.judge.judged)])
+        return None if companion is None else mean_by_output([compare(companion, one).percent for one in tested(self.judge.judged)])
 
     def _judged_on(self) -> str:
         if self.judge is not self:
@@ -458,9 +463,11 @@ class Identified(Printable):
 
         Residuals, order and gain of such a model say nothing of their own.
         """
-        fit, is_poor = self._turn_fit, max(explained_percent(self._compared).values()) < 100.0 * HALF
-        if fit is None or not is_poor:
-            return [f"{line}; it explains nothing: move each input by itself" for line in self.log.findings if is_poor][:1]
+        fit = self._turn_fit
+        if (fit is None and not self.log.findings) or max(self._explained.values()) >= 100.0 * HALF:
+            return []
+        if fit is None:
+            return [f"{self.log.findings[0]}; it explains nothing: move each input by itself"]
         cause = [f"{line}; record a drive with curves to both sides" for line in self._collinearity()]
         lines = () if cause and self.findings.is_table else self.findings.lines
         return [*lines, *(f"the vehicle hardly turns: {line}" for line in cause or input_noise_warning(fit))]
@@ -503,17 +510,19 @@ class Identified(Printable):
     def _turn_warnings(self) -> list[str]:
         """Return how the model's yaw gain agrees with the skid-steer fit."""
         fit, off = self._turn_fit, self._contradiction
+        # A model with a fault says what its log says.
+        faults = (turn_faults(self.model) if self.name_prior else []) or list(self.findings.headings)
         if fit is None:
-            return turn_faults(self.model) if self.name_prior else []
+            return faults
         if off is None or not (self._is_structure or off.is_large):
-            return [*turn_faults(self.model), *input_noise_warning(fit)]
+            return [*faults, *input_noise_warning(fit)]
         if not self._is_structure:
             line = f"yaw gain: {off}: feedback, noise of the inputs or too high an order; tune no model before they agree"
         else:
             why = "whose steady gain is a guess" if off.is_large else "which explains no more"
             why = "which feedback may have made the controller's inverse" if self.findings.has_feedback else why
             line = f"the model is a gain and a lag, by the columns' names: {off}; --no-name-prior keeps the free model, {why}"
-        return [*turn_faults(self.model), *input_noise_warning(fit), line]
+        return [*faults, *input_noise_warning(fit), line]
 
     def _collinearity(self) -> list[str]:
         """Return which inputs are nearly collinear, so that their separate effects are poorly determined."""

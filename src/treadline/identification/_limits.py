@@ -9,7 +9,7 @@ SIGNIFICANCE = 1e-4
 HALF = 0.5
 """Share of a variance above which one cause explains more of it than all others."""
 TOLERANCE = 0.3
-"""Relative error of a yaw gain, or of a heading against the integral of the yaw rate, that needs a warning."""
+"""Relative error of a yaw gain that needs a warning."""
 LAGS_MOST = 40
 """Largest number of lags, and of states, that is tried."""
 RECENT = 20_000

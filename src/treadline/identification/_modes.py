@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Complex, Float, Num
+from jaxtyping import Bool, Float, Num
 
 from treadline.core.arrays import store_contiguous
 from treadline.identification._affine import Affine
@@ -38,90 +38,36 @@ class Experiment:
         return Experiment(u=self.u[at], y=self.y[at], there=self.there[at])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Modes:
-    """Modal decomposition A = V diag(poles) V⁻¹ and the modal output matrix C V; conjugate poles are adjacent."""
-
-    poles: Num[np.ndarray, " n"]
-    V: Num[np.ndarray, "n n"]
-    C: Complex[np.ndarray, "p n"]
-
-    @property
-    def upper(self) -> Bool[np.ndarray, " n"]:
-        """Mask of the real poles and the first of each conjugate pair."""
-        return np.asarray(self.poles.imag >= 0.0)
-
-
-def modes_of(system: Affine) -> Modes | None:
-    """Return the modes, or None for ill-conditioned eigenvectors."""
-    if not np.isfinite(system.A).all():
-        return None
-    poles, V = system.eigen
-    try:
-        W = np.linalg.inv(V)
-    except np.linalg.LinAlgError:
-        return None
-    if not np.vdot(V, V).real * np.vdot(W, W).real < ILL_CONDITIONED**2:
-        return None
-    return Modes(poles=poles, V=V, C=(system.C @ V).astype(complex))
-
-
-Normal = tuple[Num[np.ndarray, "d d"], Num[np.ndarray, " d"]]
-"""J'J and J'e."""
-
-
-def linear_sums(modes: Modes, item: Experiment) -> Normal:
-    """Return the normal equations for modal B (n, m1) and D (p, m1); the initial state is eliminated."""
-    upper = modes.poles[modes.upper].astype(complex)
-    filtered = pole_filters(upper, np.ascontiguousarray(item.u, dtype=complex))
-    # The response to an initial state: the powers λ^k.
-    powers = np.tile(upper, (len(item.u), 1))
-    powers[0] = 1.0
-    square, right = _products(modes, item, [filtered, np.cumprod(powers, axis=0)[:, :, None]])
-    n, m1 = len(modes.poles), item.u.shape[1]
-    # The Schur complement eliminates the initial state's columns.
-    start = slice(n * m1, n * m1 + n)
-    kept = np.delete(np.arange(len(right)), start)
-    cross = square[kept, start] @ inverse(square[start, start])
-    return square[np.ix_(kept, kept)] - cross @ square[start][:, kept], right[kept] - cross @ right[start]
-
-
-def _products(modes: Modes, item: Experiment, groups: Sequence[Complex[np.ndarray, "T h _"]]) -> Normal:
-    """Return J'J and J'y for columns of all modes, first those that act on all outputs through C, then inputs on one output each.
-
-    Args:
-        modes: Modal decomposition.
-        item: Samples.
-        groups: Columns of the upper poles that act through C.
-    """
-    u, y = item.u, item.y
-    upper = np.hstack([group.reshape(len(y), -1) for group in groups])
-    half = upper.shape[1]
-    signals = np.hstack([upper.real, upper.imag, u, y])
-    if not item.there.all():
-        signals = signals[item.there]
-    first, columns = np.cumsum([0, *(group[0].size for group in groups)]), np.cumsum(modes.upper) - 1
-    at = np.concatenate([
-        (start + columns[:, None] * group.shape[2] + np.arange(group.shape[2])).ravel()
-        for start, group in zip(first[:-1], groups, strict=True)
-    ])  # fmt: skip
-    signs = np.concatenate([np.repeat(np.where(modes.upper, 1.0, -1.0), group.shape[2]) for group in groups])
-    rest = np.zeros(u.shape[1] + y.shape[1], dtype=int)
-    real, imag = np.concatenate([at, np.arange(2 * half, signals.shape[1])]), np.concatenate([half + at, rest])
-    turn = 1j * np.concatenate([signs, rest])
+def _normal_equations(system: Affine, item: Experiment) -> tuple[Num[np.ndarray, "d d"], Num[np.ndarray, " d"]]:
+    """Return J'J and J'y for modal B (n, m1) and D (p, m1); the initial state is eliminated."""
+    (poles, V), n, (p, m1) = system.eigen, system.order, system.D.shape
+    is_upper = poles.imag >= 0.0  # real poles, and the first of each conjugate pair
+    # The initial state acts as an impulse on an additional input, one sample earlier.
+    u = np.pad(item.u, ((1, 0), (0, 1)))
+    u[0, m1] = 1.0
+    upper = pole_filters(poles[is_upper].astype(complex), u.astype(complex))[1:].reshape(len(item.y), -1)
+    signals = np.hstack([upper.real, upper.imag, item.u, item.y])[item.there]
+    w, s, half = m1 + 1, n * (m1 + 1), upper.shape[1]
+    at = ((np.cumsum(is_upper) - 1)[:, None] * w + np.arange(w)).ravel()
+    rest = np.arange(2 * half, signals.shape[1])
+    real, imag = np.concatenate([at, rest]), np.concatenate([half + at, 0 * rest])
+    turn = 1j * np.concatenate([np.repeat(np.where(is_upper, 1.0, -1.0), w), 0.0 * rest])
     G = signals.T @ signals
     P = G[real] - turn[:, None] * G[imag]
     P = P[:, real] + turn * P[:, imag]
-    s, p = sum(group.shape[2] for group in groups) * len(modes.poles), y.shape[1]
-    w = len(real) - s - p
-    C = modes.C[:, np.concatenate([np.repeat(np.arange(len(modes.poles)), group.shape[2]) for group in groups])]
-    a, b, last = slice(0, s), slice(s, s + w), slice(s + w, None)
-    square = np.zeros((s + p * w, s + p * w), dtype=complex)
+    a, b, last = slice(0, s), slice(s, s + m1), slice(s + m1, None)
+    # A state acts on all outputs through C, an input through D on one.
+    C = np.repeat(system.C @ V, w, axis=1).astype(complex)
+    square = np.zeros((s + p * m1, s + p * m1), dtype=complex)
     square[:s, :s] = (C.conj().T @ C) * P[a, a]
-    square[:s, s:] = (C.conj().T[:, :, None] * P[a, None, b]).reshape(s, p * w)
+    square[:s, s:] = (C.conj().T[:, :, None] * P[a, None, b]).reshape(s, p * m1)
     square[s:, :s] = square[:s, s:].conj().T
     square[s:, s:] = np.kron(np.eye(p), P[b, b])
-    return square, np.concatenate([np.einsum("os,so->s", C.conj(), P[a, last]), P[b, last].T.ravel()])
+    right = np.concatenate([np.einsum("os,so->s", C.conj(), P[a, last]), P[b, last].T.ravel()])
+    start = np.arange(m1, s, w)
+    kept = np.delete(np.arange(len(right)), start)
+    cross = square[np.ix_(kept, start)] @ inverse(square[np.ix_(start, start)])
+    return square[np.ix_(kept, kept)] - cross @ square[np.ix_(start, kept)], right[kept] - cross @ right[start]
 
 
 def with_inputs_again(system: Affine, experiments: Sequence[Experiment], fixed: Bool[np.ndarray, "p m1"]) -> Affine:
@@ -132,15 +78,18 @@ def with_inputs_again(system: Affine, experiments: Sequence[Experiment], fixed: 
         experiments: Data.
         fixed: Mask of the entries of D that stay zero.
     """
-    modes = modes_of(system)
     longest = max(len(item.y) for item in experiments)
-    if modes is None or longest * np.log(np.abs(modes.poles).max()) > np.log(GROWTH):
+    if not np.isfinite(system.A).all() or longest * np.log(system.radius) > np.log(GROWTH):
         return system
-    square, right = (np.sum(parts, axis=0) for parts in zip(*(linear_sums(modes, item) for item in experiments), strict=True))
+    if not np.linalg.cond(system.eigen[1], "fro") < ILL_CONDITIONED:
+        return system
+    square, right = (
+        np.sum(parts, axis=0) for parts in zip(*(_normal_equations(system, item) for item in experiments), strict=True)
+    )
     if not np.isfinite(square).all():
         return system
     n, m1 = system.order, system.B.shape[1]
     live = np.concatenate([np.ones(n * m1, dtype=bool), ~fixed.ravel()])
     found = np.zeros(len(live), dtype=complex)
     found[live] = solved(square[np.ix_(live, live)], right[live, None])[:, 0]
-    return replace(system, B=(modes.V @ found[: n * m1].reshape(n, m1)).real, D=found[n * m1 :].reshape(fixed.shape).real)
+    return replace(system, B=(system.eigen[1] @ found[: n * m1].reshape(n, m1)).real, D=found[n * m1 :].reshape(fixed.shape).real)

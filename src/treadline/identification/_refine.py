@@ -9,6 +9,7 @@ is the output error of its predictor with the outputs as additional inputs, so o
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -18,14 +19,28 @@ from treadline.core.linear_system_kernels import free_run
 from treadline.core.linear_systems import prefix
 from treadline.core.models import InputOutputRecord
 from treadline.identification._affine import Affine
-from treadline.identification._descent import Linearised, descended
 from treadline.identification._factor import solved
 from treadline.identification._gram import Units, runs_of
 from treadline.identification._modes import Experiment
 from treadline.identification._recursion_kernels import tangents
 
+TRIES = 8
+"""Largest number of damping increases per step before the descent ends."""
+STEPS_MOST = 60
+"""Largest number of steps."""
+
 CHANCE = 0.1
 """Relative tolerance: the refinement ends below this share of the gain of one random coefficient, 1/samples of the cost."""
+
+Point = TypeVar("Point")
+Linearised = tuple[
+    Float[np.ndarray, "d d"], Float[np.ndarray, " d"], Float[np.ndarray, " d"], Callable[[Float[np.ndarray, " d"]], Point]
+]
+"""J'J and J'e at a point, for which a full step would solve J'J step = J'e; the damping's diagonal; the point after a step.
+
+Of parameters with units the diagonal is that of J'J (Marquardt); of parameters in a basis that means nothing it is the same for
+all (Levenberg), so that the step does not depend on the basis.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -154,6 +169,44 @@ def refit(
         return square, right, same, lambda step: bounded(ways.moved(now, step))
 
     return descended(system, allowed_cost, linearised, enough=CHANCE / rows)
+
+
+def descended(
+    start: Point,
+    cost: Callable[[Point], float],
+    linearised: Callable[[Point], Linearised[Point]],
+    *,
+    enough: float,
+) -> Point:
+    """Return the local minimum of a sum of squares, by damped Gauss-Newton steps (Levenberg, 1944; Marquardt, 1963).
+
+    Args:
+        start: Initial point.
+        cost: Sum of squares at a point; infinite where it is not allowed.
+        linearised: Normal equations at a point.
+        enough: Relative decrease of the cost at which the descent ends.
+    """
+    best, now = start, cost(start)
+    damping, rise = 1e-3, 2.0
+    for _ in range(STEPS_MOST if np.isfinite(now) else 0):
+        H, g, size, moved = linearised(best)
+        if not size.sum() > 0.0:  # nothing changes the residuals
+            break
+        before, scale = now, np.diag(np.where(size > 0.0, size, 1.0))
+        for _ in range(TRIES):
+            step = np.linalg.solve(H + damping * scale, g)
+            trial = moved(step)
+            there = cost(trial)
+            if there < now:
+                # Nielsen (1999): the better the quadratic model predicted the gain, the smaller the next damping.
+                predicted_gain = float(2.0 * step @ g - step @ H @ step)
+                damping *= max(0.1, 1.0 - (2.0 * (now - there) / predicted_gain - 1.0) ** 3)
+                best, now, rise = trial, there, 2.0
+                break
+            damping, rise = damping * rise, rise * 2.0
+        if before - now <= enough * before:
+            break
+    return best
 
 
 def normal_equations(

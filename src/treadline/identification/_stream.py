@@ -60,7 +60,7 @@ def identify_chunks(
         warnings.append(f"the first {left_out} samples, with a constant channel or too many gaps, were left out")
     found = from_gram(data, last, options, method=method, warnings=warnings, records_are_complete=False)
     return Identified(
-        free=found.model(method, names),
+        free=found.model(method, name_prior=options.name_prior),
         found=found,
         method=method,
         fitted=last,

@@ -13,17 +13,12 @@ from treadline.core import linear_systems
 from treadline.core.errors import DependentInputs, PoorExcitation, SettingsError
 from treadline.core.model_scores import TESTED_SAMPLES_MIN
 from treadline.core.models import InputOutputRecord
-from treadline.core.turning import NAME_PRIOR
-from treadline.identification._affine import Affine, stabilised
-from treadline.identification._belts import find_differential_input
 from treadline.identification._checks import channel_names, check_alike, check_independent, units_of_moving
 from treadline.identification._dead_time import dead_time, without_delays
-from treadline.identification._drive_log import DriveLog, without_dependent_inputs
-from treadline.identification._fitting import FittedSystem
+from treadline.identification._drive_log import DriveLog, find_differential_input, without_dependent_inputs
 from treadline.identification._from_gram import data_of, from_gram
 from treadline.identification._gram import Gram, gram_of, units_of
 from treadline.identification._identified import Identified, whole_samples
-from treadline.identification._modes import with_inputs_again
 from treadline.identification._threads import one_thread
 from treadline.identification.options import DEFAULT_OPTIONS, IdentificationOptions
 
@@ -87,12 +82,12 @@ def _identified(log: DriveLog, options: IdentificationOptions, on_progress: Call
             data = data_of(used, options, differential.units(used, data.units))
     found = from_gram(data, used, options, method=method, on_progress=on_progress, records_are_complete=options.prior is None)
     if options.stable:
-        found = replace(found, system=_stable(found))
-    model = found.model(method, channel_names(used[0]))
+        found = found.reflected()
+    model = found.model(method, name_prior=options.name_prior)
     if differential is not None:
         model = differential.model(model, units_of(moved).shift[:2])
     result = Identified(
-        free=replace(model, input_delay=tuple(shifts), provenance={**model.provenance, NAME_PRIOR: options.name_prior}),
+        free=replace(model, input_delay=tuple(shifts)),
         found=found,
         method=method,
         fitted=fitted,
@@ -111,14 +106,6 @@ def _identified(log: DriveLog, options: IdentificationOptions, on_progress: Call
 def _anew(records: list[InputOutputRecord], options: IdentificationOptions, **changes: Any) -> Identified:
     """Return the identification of records with some options changed."""
     return identify(records, replace(options, **changes))
-
-
-def _stable(found: FittedSystem) -> Affine:
-    system = stabilised(found.system)
-    if system is found.system:
-        return system
-    system = with_inputs_again(system, found.fitting.experiments, found.fitting.fixed)
-    return found.fitting.with_gain(system)
 
 
 def _dead_time(records: Sequence[InputOutputRecord], options: IdentificationOptions, method: str) -> list[int]:

@@ -1,4 +1,4 @@
-"""Confidence intervals: standard deviations of poles, impulse response and frequency response, to first order.
+"""Confidence intervals, to first order: of poles, impulse response and frequency response, and of functions of parameters.
 
 A model carries directions: changes of (A, B, C, D) per unit of independent standard normal variables. For OKID/ERA the
 directions follow from the covariance of the regression, propagated through Markov parameters and realisation. For refined
@@ -7,7 +7,7 @@ models they follow from the curvature of the cost. Both include the correlation 
 method with few lags, or of the model selection.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float
 from scipy.linalg import block_diag
 from scipy.special import gammaincinv
 
-from treadline.core.arrays import CONFIDENCE, markov_parameters
+from treadline.core.arrays import CONFIDENCE, NORMAL_95, markov_parameters
 from treadline.core.linear_systems import TESTED_LAGS, whiteness_p
 from treadline.identification._affine import Affine
 from treadline.identification._era import HankelSvd
@@ -38,6 +38,29 @@ MEMORY_PER_LAG = 2
 """Lags of residual correlation per observer lag; white output noise leaves a moving average of the observer's length."""
 MEMORY = 1.3
 """Lags of residual correlation per cube root of the number of samples (rate for Bartlett weights)."""
+
+
+Linearisation = tuple[Float[np.ndarray, "rows d"], Float[np.ndarray, " rows"]]
+"""Derivatives along d parameters, and residuals."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate:
+    """Value with the bounds of its interval of 95 %."""
+
+    value: float
+    low: float
+    high: float
+
+
+def estimate(
+    value: Callable[[Float[np.ndarray, " k"]], float], theta: Float[np.ndarray, " k"], covariance: Float[np.ndarray, "k k"]
+) -> Estimate:
+    """Return a function of parameters with its interval."""
+    at, steps = value(theta), 1e-6 * np.maximum(np.abs(theta), 1e-6)
+    slope = np.array([(value(theta + step) - at) / step.sum() for step in np.diag(steps)])
+    reach = NORMAL_95 * float(np.sqrt(max(slope @ covariance @ slope, 0.0)))
+    return Estimate(value=at, low=at - reach, high=at + reach)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -230,11 +253,23 @@ def _spread(system: Affine, experiments: Sequence[Experiment], fixed: Bool[np.nd
     total, rows = sum(len(item.y) for item in experiments), ENTRIES_MOST // (p * d)
     shares = [max(rows * len(item.y) // max(total, rows), 1) for item in experiments]
     kept = [item.part(max(len(item.y) - share, 0), len(item.y)) for item, share in zip(experiments, shares, strict=True)]
-    pairs = [jacobian(system, item, ways) for item in kept]
     seen = sum(int(item.there.sum()) for item in kept)
     if seen * p <= 2 * d:
         return None
-    H = sum(J.T @ J for J, _ in pairs)
+    scale = total / max(sum(len(item.y) for item in kept), 1)
+    return ways.along(_root(covariance_of([jacobian(system, item, ways) for item in kept], p, seen) / scale))
+
+
+def covariance_of(pairs: Sequence[Linearisation], p: int, seen: int) -> Float[np.ndarray, "d d"]:
+    """Return the covariance of coefficients by least squares; residuals may be correlated over samples.
+
+    Args:
+        pairs: Derivatives and residuals of each run; p rows are a sample.
+        p: Number of outputs.
+        seen: Number of samples without gaps.
+    """
+    d = pairs[0][0].shape[1]
+    H = np.sum([J.T @ J for J, _ in pairs], axis=0)
     errors = [e.reshape(-1, p) for _, e in pairs]
     freedom = seen / (seen - d / p)
     memory = 0 if _white(errors) else min(int(MEMORY * seen ** (1.0 / 3.0)), seen // 4)
@@ -250,8 +285,7 @@ def _spread(system: Affine, experiments: Sequence[Experiment], fixed: Bool[np.nd
             term = late.transpose(1, 0, 2).reshape(d, -1) @ G[: steps - lag].reshape(-1, d)
             S += term if lag == 0 else (1.0 - lag / (memory + 1.0)) * (term + term.T)
     P = inverse(H)
-    scale = total / max(sum(len(item.y) for item in kept), 1)
-    return ways.along(_root(P @ (0.5 * (S + S.T)) @ P / scale))
+    return np.asarray(P @ (0.5 * (S + S.T)) @ P)
 
 
 def _white(errors: Sequence[Float[np.ndarray, "_ p"]]) -> bool:
