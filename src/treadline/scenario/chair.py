@@ -5,7 +5,7 @@ Paper: Section II, Table I. All positions are in B: x forward, y left, z up, ori
 
 import math
 from dataclasses import replace
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
@@ -63,6 +63,8 @@ Speed = Annotated[float, Field(gt=0.0, le=10.0)]
 Lag = Annotated[float, Field(le=10.0), AfterValidator(_a_tick_or_more)]
 Torque = Annotated[float, Field(le=1e4), AfterValidator(_above_zero)]
 Point = tuple[Place, Place, Place]
+Faces = Literal["up", "down"]
+"""Where an occupant looks on a stair, on the way up as on the way down."""
 Size = tuple[Length, Length, Length]
 
 
@@ -198,8 +200,8 @@ class Flipper(Settings):
 class Rating(Settings):
     """Manufacturer's limits; physics may allow more."""
 
-    slope_deg: Annotated[float, Field(ge=5.0, le=45.0)]
-    """Slope of the steepest flight; no [stair] is flatter than 5°."""
+    slope_deg: Annotated[float, Field(ge=5.0, le=45.0)] | None = None
+    """Slope of the steepest flight; no [stair] is flatter than 5°. Unset: what friction, torque and tip-over margins allow."""
     payload_kg: Mass
     """Largest payload on any flight; how steep a flight it may be follows from the flipper's torque."""
 
@@ -230,6 +232,9 @@ class ChairDescription(Settings):
     alternatives: ClassVar[Pairs] = (("seat", "payload"),)
 
     name: str
+    faces: Faces = "up"
+    """Where the occupant looks on a stair. Facing down, the chair climbs rear first and comes down front first. Its flipper points
+    uphill either way, and with it B's x axis: what is said of the occupant (forward, left) is turned by 180° against B."""
     tracks: Tracks
     masses: Masses
     seat: Seat | None = None
@@ -302,6 +307,11 @@ class ChairDescription(Settings):
             return self
         x, y, z = self.seat.hinge_m
         return self.changed(seat={"hinge_m": (x + shift_m, y, z)})
+
+    def in_chair(self, occupant_m: Point) -> Point:
+        """Return in B a shift that is given in the occupant's frame: forward, left, up [m]."""
+        x, y, z = occupant_m
+        return occupant_m if self.faces == "up" else (-x, -y, z)
 
     @property
     def payload_origin_m(self) -> Point:

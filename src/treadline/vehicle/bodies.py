@@ -244,7 +244,7 @@ def oversized_lugs(belts: Belts, tracks: Tracks) -> str | None:
 
 def payload_com(chair: ChairDescription, loading: Chair) -> Point:
     """Return the payload's centre of mass in the payload's frame, which turns with the seat [m]."""
-    (x, y, z), (dx, dy, dz) = chair.payload_com_m, loading.payload_offset_m
+    (x, y, z), (dx, dy, dz) = chair.payload_com_m, chair.in_chair(loading.payload_offset_m)
     return (x + dx, y + dy, z + dz)
 
 

@@ -183,7 +183,7 @@ def rest_chair(
 
     Args:
         payload_kg: Mass of the payload.
-        offset_m: Payload's centre of mass off its nominal place.
+        offset_m: Payload's centre of mass off its nominal place, in B.
         seat_shift_m: Shift of the seat along the chair.
     """
     tracks, flipper, seat = chair.tracks, chair.flipper, chair.seat

@@ -250,7 +250,7 @@ class SceneView:
         for node in self._planes.values():
             node.visible = shows["planes"]
         for node in self._chair.passenger:
-            node.visible, node.position = shows["passenger"], shift_m
+            node.visible, node.position = shows["passenger"], run.chair.in_chair(shift_m)
         show_arrows(self._forces, *self._belt_forces(run, k), NEWTON_PER_M, visible=shows["forces"])
         for arrows, of in ((self._contacts, feed), (self._ghost_contacts, None if fork is None else fork.feed)):
             found = None if of is None else of.contacts_at(t_s)

@@ -95,7 +95,7 @@ class MujocoPlant(InstrumentedPlant):
         self._state[drives.SEAT_STUCK] = damage.seat_stuck
         self._state[drives.FLIPPER_STUCK] = damage.flipper_stuck
         self._grip[self._belts] = np.array(damage.grip)[:, None]
-        self._model.body_ipos[self._seat_body] = rest_m = self._payload_rest_m + damage.payload_m
+        self._model.body_ipos[self._seat_body] = rest_m = self._payload_rest_m + self._chair.in_chair(damage.payload_m)
         if self._scenario.chair.sways:  # the sway sets the centre of mass before the next step
             self._sway[kernels.SWAY_REST : kernels.SWAY_REST + 2] = rest_m[:2]
         if self._chair.flipper is not None:
@@ -167,7 +167,8 @@ class MujocoPlant(InstrumentedPlant):
             self._model.body_sameframe[self._seat_body] = mujoco.mjtSameFrame.mjSAMEFRAME_BODYROT
         self._payload_rest_m = self._model.body_ipos[self._seat_body].copy()
         loading, (x_m, y_m, _) = self._scenario.chair, self._model.body_ipos[self._seat_body]
-        seat = (self._physics.timestep_s, self._model.body_mass[self._seat_body], *loading.sway_m, x_m, y_m)
+        sway_m = self._chair.in_chair((*loading.sway_m, 0.0))[:2]
+        seat = (self._physics.timestep_s, self._model.body_mass[self._seat_body], *sway_m, x_m, y_m)
         self._sway = np.array([0.0, 0.0, *seat] if loading.sways else [])
         self._corrected = np.array([True])
         """Whether contact forces are corrected to Coulomb's law; False keeps MuJoCo's convex solution, for comparison."""
@@ -337,7 +338,7 @@ class MujocoPlant(InstrumentedPlant):
             hull_contacts=int(numbers[kernels.HULL]),
             traction_n=row[kernels.TRACTION : kernels.TRACTION + 2],
             power_w=numbers[kernels.POWER],
-            payload_shift_m=self._damage.payload_m,
+            payload_shift_m=self._chair.in_chair(self._damage.payload_m),
         )
 
     def _look(self, state: ChairState) -> Sequence[Reading]:

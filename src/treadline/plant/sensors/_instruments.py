@@ -136,7 +136,7 @@ class ChairState:
     power_w: float = 0.0
     """Electric power drawn from the battery [W]."""
     payload_shift_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Shift of the payload's centre of mass by faults [m]: forward, left, up in the seat frame."""
+    """Shift of the payload's centre of mass by faults [m], in the axes of the seat's frame."""
 
     @property
     def t_s(self) -> float:
