@@ -22,6 +22,8 @@ CREST_SPARE_RAD = 1.7 * DEG
 """Heading error that is not corrected over the ends of a flight [rad]. Only the gyro measures the heading there. A gyro drift of
 1 °/s for six seconds caused a heading error of 5.0° with this dead band and 6.3° without; with a sound gyro the error was at most
 2.9° with and 2.1° without (28 and 30°, six runs, at twice the present gain)."""
+STILL_RAD_S = 1.0 * DEG
+"""Flipper rate above which its tip slides [rad/s]."""
 FOLLOWS = ("approach", "mount", "climb", "crest", "land", "edge", "descend", "leave")
 """States in which the follower commands the chair near the ends of a flight."""
 
@@ -55,7 +57,7 @@ def _checked(now: Situation, crossing: Crossing) -> Crossing:
     if now.around is None:
         return crossing
     # The flight must be complete over the length of the chair on it, and the stopping distance.
-    whole_to_m = 2.0 * now.pivot_m + KEEPS_M - now.around.top.ahead_m
+    whole_to_m = now.bears_m + KEEPS_M - now.around.top.ahead_m
     # On the approach a gap further away does not count: there a detector may miss a single nosing.
     checked_to_m = min(whole_to_m, NEAR_M - now.step_m) if now.phase == "approach" else whole_to_m
     gap = now.missing(checked_to_m - now.pivot_m)
@@ -107,8 +109,12 @@ def go_over(now: Situation, motions: Motions) -> MotionPlan:
 
 
 def _drives(command: FollowCommand) -> bool:
-    """Return whether the belts run: one that waits for its flipper is not turned on the spot over a nosing."""
-    return abs(command.speed_m_s) > 0.5 * SLOW_M_S
+    """Return whether belts or flipper move: a chair that waits is not turned on the spot over a nosing.
+
+    A chair whose tip slides along the landing is pushed at the tip and held at the nosing, by one belt once it is not square: it
+    turns away from square faster than friction brakes it, also while its belts stand.
+    """
+    return abs(command.speed_m_s) > 0.5 * SLOW_M_S or abs(command.flipper.rate_rad_s) > STILL_RAD_S
 
 
 # --- over the crest
@@ -224,7 +230,7 @@ def has_arrived(now: Situation) -> str | None:
 def _is_clear(now: Situation) -> bool:
     is_level = abs(now.stair.pitch_rad) < LEVEL_RAD
     if now.is_up:
-        return _at(now, "past") is not None and (is_level or now.gone_m > 2.0 * now.pivot_m + KEEPS_M)
+        return _at(now, "past") is not None and (is_level or now.gone_m > now.bears_m + KEEPS_M)
     return is_level and now.is_off
 
 

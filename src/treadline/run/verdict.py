@@ -163,7 +163,7 @@ def check(scenario: Scenario, chair: ChairDescription, mission: MissionConfig) -
             _winders(stair),
             _turned_nosings(scenario),
             *start_problems,
-            oversized_lugs(scenario.belts, chair.tracks),
+            oversized_lugs(scenario.belts, chair),
         )
         if reason is not None
     ]

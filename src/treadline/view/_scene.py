@@ -262,7 +262,7 @@ class SceneView:
         seat_rad, flipper_rad = float(run.seat_rad[k]), float(run.flipper_rad[k])
         poses = body_poses(run.chair, self._feed.order.scenario.chair, seat_rad, flipper_rad)
         for name, frame in body.frames.items():
-            X_BK = poses[name]  # type: ignore[index]
+            X_BK = poses[name]
             frame.position, frame.wxyz = X_BK[:3, 3], quaternion_of(X_BK[:3, :3])
         if body.lugs is not None:
             left_m, right_m = run.belt_travel_m[k].tolist()
