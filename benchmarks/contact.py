@@ -318,7 +318,7 @@ class DrakeChair:
         from pydrake.multibody.tree import PdControllerGains, PrismaticJoint, SpatialInertia, UnitInertia
 
         pose = self._reference._data.qpos
-        mass, com, inertia = whole_chair(float(pose[7]), float(pose[kernels.LAST]))
+        mass, com, inertia = whole_chair(float(pose[7]), float(pose[kernels.FLIPPER_QPOS + 1]))
         mass -= 2.0 * self._belt_kg
         moments, products = np.diag(inertia) / mass, inertia[[0, 0, 1], [1, 2, 2]] / mass
         about_com = UnitInertia(*moments, *products)

@@ -223,7 +223,7 @@ def tune(
     input_weight: Sequence[float] | None = None,
     period_s: float | None = None,
     reconstruct: "Reconstruct" = "observer",
-    vehicle: str = "wheelchair",
+    vehicle: str | None = None,
     accept_poor_fit: bool = False,
 ) -> "ControllerDesign":
     """Return the LQR gain (Eq. 10) and the observer of a model.
@@ -235,7 +235,8 @@ def tune(
         input_weight: Diagonal of R, or one number for all inputs; 0.02 when left out.
         period_s: Control period [s], a multiple of 0.01; another period than the model's resamples the model.
         reconstruct: State reconstruction: ``observer``, or ``static`` for Eq. (11b).
-        vehicle: Name of the chair that the controller is for; another chair rejects it.
+        vehicle: Name of the chair that the controller is for; another chair rejects it. That which drove, where the model's log
+            says so, or ``wheelchair`` when left out.
         accept_poor_fit: Tune an identified model that explains less than half of each output's variance.
 
     Raises:

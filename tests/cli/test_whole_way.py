@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+from treadline.scenario.shipped_files import CHAIRS
+
 SHORT = """
 [stair]
 slope_deg = {slope}
@@ -20,10 +22,12 @@ camera = "statistical"
 
 
 def test_from_random_speeds_to_a_report(run, tmp_path: Path) -> None:
+    """A vehicle of one's own is named in the scenario alone: record, model and controller know it."""
     folder = tmp_path
-    (folder / "excite.toml").write_text(SHORT.format(slope=20, heading=0, duration=60))
-    (folder / "climb.toml").write_text(SHORT.format(slope=25, heading=12, duration=8))
-    excited = run("excite", folder / "excite.toml", "--samples", 240, "--out", folder / "excited", "--seed", 5, "--json")
+    (folder / "own.toml").write_text((CHAIRS / "wheelchair.toml").read_text().replace('name = "wheelchair"', 'name = "ours"'))
+    (folder / "climb.toml").write_text(SHORT.format(slope=25, heading=12, duration=8) + '[chair]\nmodel = "own.toml"\n')
+    gentler = ("--set", "stair.slope_deg=20", "--set", "start.heading_deg=0", "--set", "drive.duration_s=60")
+    excited = run("excite", folder / "climb.toml", *gentler, "--samples", 240, "--out", folder / "excited", "--seed", 5, "--json")
     assert (excited.code, excited.values["samples"]) == (0, 240), excited.err
 
     found = run("identify", folder / "excited", "--validate-on", folder / "excited", "--out", folder / "model.json", "--json")

@@ -7,7 +7,7 @@ import pytest
 
 from treadline.core.rotations import quaternion_of, rotation_of, rotation_x, rotation_y, rotation_z
 from treadline.plant.sensors import _pose_kernels as kernels
-from treadline.plant.sensors._instruments import chair_numbers
+from treadline.plant.sensors._instruments import chair_numbers, section_numbers
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair
 from treadline.vehicle.bodies import centre_of_mass, payload_com, payload_place
@@ -74,12 +74,13 @@ def test_a_chair_upon_a_kerb_that_would_turn_onto_its_front_pulley_within_two_de
 ) -> None:
     """Test: a level chair balanced on an edge below its centre of mass, 0.5 m high, its front pulley 0.25 m ahead in the air."""
     numbers = np.zeros(kernels.CHAIR)
-    numbers[[kernels.HALF_RUN, kernels.APPROACH, kernels.RADIUS, kernels.CHASSIS_KG]] = 0.25, 0.0, 0.07, 50.0
+    numbers[[kernels.HALF_RUN, kernels.CHASSIS_KG]] = 0.25, 50.0
+    run = np.array([[-0.25, 0.07, 0.5, 0.07, 0.07, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]])
     numbers[kernels.CHASSIS + 2] = 0.5
     floor = np.array([[0.25, 0.0, 1.0, 0.0, 0.1, 0.6, -0.25 * math.tan(math.radians(gap_deg)), 0.0]])
     found = kernels.truth(
         *(np.eye(3), np.zeros(3), np.eye(3), np.zeros(3), np.zeros(3), 0.0, 0.0, np.array([0.0, 0.5, 9.0, 9.0]), -1),
-        *(np.zeros((25, 4)), np.zeros((0, 4)), floor, numbers, np.zeros(3), np.zeros(3), ROCKING, (0.0, 0.0, 1.0)),
+        *(np.zeros((25, 4)), np.zeros((0, 4)), floor, numbers, run, np.zeros(3), np.zeros(3), ROCKING, (0.0, 0.0, 1.0)),
     )
     # arctan(0.25 m / 0.5 m) to the pulley, nothing to the edge.
     assert math.degrees(found[8]) == pytest.approx(margin_deg, abs=0.05)
@@ -89,14 +90,14 @@ def test_a_chair_upon_a_kerb_that_would_turn_onto_its_front_pulley_within_two_de
 def test_compiled_truth_agrees_with_the_mechanics_that_it_repeats(name: str) -> None:
     chair, loading = read_chair(name), Chair(model=name, payload_kg=80.0, seat_shift_m=0.03)
     rng = np.random.default_rng(3)
-    payload, numbers = np.array(payload_com(chair, loading)), chair_numbers(chair, loading)
+    payload, numbers = np.array(payload_com(chair, loading)), (chair_numbers(chair, loading), section_numbers(chair))
     for _ in range(20):
         seat_rad, flipper_rad, pitch, roll = rng.uniform(-0.4, 0.4, 4).tolist()
         R_WB, p_WB = rotation_y(pitch) @ rotation_x(roll), rng.normal(size=3)
         reach = rng.uniform(0.2, 0.6, 4)
         declared = kernels.truth(
             *(np.eye(3), np.zeros(3), R_WB, p_WB, np.zeros(3), seat_rad, flipper_rad, reach, -1),
-            *(np.zeros((25, 4)), np.zeros((0, 4)), np.zeros((0, 8)), numbers, payload, payload, ROCKING, (0.0, 0.0, 1.0)),
+            *(np.zeros((25, 4)), np.zeros((0, 4)), np.zeros((0, 8)), *numbers, payload, payload, ROCKING, (0.0, 0.0, 1.0)),
         )
         support = Support(front_m=reach[0], rear_m=reach[1], left_m=reach[2], right_m=reach[3])
         margins = tipping_margins(centre_of_mass(chair, loading, seat_rad, flipper_rad), tuple(R_WB[2].tolist()), support)

@@ -29,8 +29,11 @@ def test_a_chair_whose_flipper_reaches_88_degrees_down_drives_35_degrees_square(
     )
     (tmp_path / "chair.toml").write_text(chair)
     tables = {
-        "stair": STEEP, "start": start, "drive": {"direction": direction, "duration_s": 120.0},
-        "chair": {"model": "chair.toml", "payload_kg": 75.0}, "sensors": {"model": "statistical"},
+        "stair": STEEP,
+        "start": start,
+        "drive": {"direction": direction, "duration_s": 120.0},
+        "chair": {"model": "chair.toml", "payload_kg": 75.0},
+        "sensors": {"model": "statistical"},
     }
     run = run_episode(resolve(scenario_of(tables, tmp_path / "steep.toml", where="steep"), None, 0))
     assert (run.verdict, run.cause) == ("arrived", None)

@@ -16,7 +16,7 @@ from treadline.plant.sensors.camera.solids import solids_of
 from treadline.run.resolve import checked as check
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario, Stair
-from treadline.vehicle.bodies import vehicle
+from treadline.vehicle.bodies import flipper_turns, vehicle
 from treadline.vehicle.stair_solids import stair_boxes, stair_solids, stair_surfaces
 from treadline.vehicle.staircase import Staircase, Winders, as_designed
 from treadline.vehicle.start_checks import deepest_overlap, placed_parts
@@ -212,7 +212,7 @@ def test_a_chair_put_down_into_the_newel_or_into_a_winder_overlaps_it(
     staircase = as_designed(scenario.stair)
     put = standing(staircase, CHAIR.tracks, scenario.start)
     moved = replace(put, p_WB=put.p_WB + put.R_WB @ np.array([moved_m, aside_m, 0.0]))
-    parts = placed_parts(vehicle(CHAIR, scenario.chair), moved, CHAIR.tracks.approach_angle_deg * DEG)
+    parts = placed_parts(vehicle(CHAIR, scenario.chair), moved, flipper_turns(CHAIR))
     found = deepest_overlap(parts, staircase)
     deep = found is not None and found.depth_m > 0.02
     assert deep == (into is not None)

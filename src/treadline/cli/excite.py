@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from treadline.cli._arguments import Force, claim
+from treadline.cli._arguments import Force, Set, claim, set_values
 from treadline.cli._output import Answer, SimulatedTime
 
 LONGEST_S = 10.0
@@ -13,6 +13,7 @@ def excite(
     scenario: str,
     /,
     *,
+    changes: Set = None,
     out: Path,
     samples: int = 1000,
     period: float = 0.25,
@@ -47,7 +48,7 @@ def excite(
         raise SettingsError(f"--samples is {samples}; treadline identify needs at least {fewest} of them")
     if not on_the_tick(period) or period > LONGEST_S:
         raise SettingsError(f"--period is {period}; it must be a multiple of {TICK_S} s between {TICK_S} and {LONGEST_S:g}")
-    settings = read_scenario(scenario)
+    settings = read_scenario(scenario, set_values(changes))
     with SimulatedTime("excite") as progress:
         excited = drive(
             settings,

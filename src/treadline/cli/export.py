@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
 
-from treadline.cli._arguments import Force, claim
+from treadline.cli._arguments import Force, Set, claim, set_values
 from treadline.cli._output import Answer
 from treadline.core.errors import SettingsError
 
@@ -86,6 +86,7 @@ def model(
     scenario: str,
     /,
     *,
+    changes: Set = None,
     to: Literal["mjcf", "urdf", "sdf"],
     out: Path,
     chair_only: bool = False,
@@ -116,7 +117,7 @@ def model(
     from treadline.vehicle.start_pose import standing
 
     claim(out, force=force, kind="file")
-    settings = read_scenario(scenario)
+    settings = read_scenario(scenario, set_values(changes))
     chair, loading = settings.read_chair(), settings.chair
     staircase = staircase_of(settings, seed)
     start = standing(staircase, chair.tracks, settings.start)

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from treadline.cli._arguments import Force, List, choice, claim, numbers
+from treadline.cli._arguments import Force, List, Set, choice, claim, numbers, set_values
 from treadline.cli._output import Answer, Progress
 from treadline.core.errors import SettingsError
 
@@ -11,6 +11,7 @@ def frames(
     scenario: str | None = None,
     /,
     *,
+    changes: Set = None,
     out: Path,
     count: int = 20,
     seed: int = 0,
@@ -36,7 +37,7 @@ def frames(
     from treadline.io.runs import remove
     from treadline.plant.sensors.camera import stair_frames, write_frames
     from treadline.plant.sensors.camera.depth_sensor import SENSORS
-    from treadline.scenario.scenario import Scenario, read_scenario
+    from treadline.scenario.scenario import read_scenario, with_values
 
     claim(out, force=force)
     if not 1 <= count <= 100_000:
@@ -44,7 +45,7 @@ def frames(
     limits = numbers("--heading", heading) or []
     if len(limits) != 2 or not -45.0 <= limits[0] <= limits[1] <= 45.0:
         raise SettingsError(f"--heading is {heading}; give the smallest and the largest in degrees, within -45,45")
-    settings = Scenario() if scenario is None else read_scenario(scenario)
+    settings = with_values({}, set_values(changes)) if scenario is None else read_scenario(scenario, set_values(changes))
     known = (*SENSORS, "ideal")
     noise = None if sensor is None else choice("--sensor", sensor, known)
     if force:

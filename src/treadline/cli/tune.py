@@ -18,7 +18,7 @@ def tune(
     input_weight: List = None,
     period: float | None = None,
     reconstruct: str = "observer",
-    vehicle: str = "wheelchair",
+    vehicle: str | None = None,
     accept_poor_fit: bool = False,
     out: Path = Path("controller.json"),
     force: Force = False,
@@ -33,7 +33,8 @@ def tune(
         input_weight: Diagonal of R on the inputs, or one number for all. Default: 0.02.
         period: Control period in seconds, a multiple of 0.01. Default: the model's; another period resamples the model.
         reconstruct: State reconstruction: observer, or static for Eq. (11b).
-        vehicle: Chair that the controller is for: the name of a shipped chair, or a chair file. Another chair rejects it.
+        vehicle: Chair that the controller is for: the name of a shipped chair, or a chair file. Another chair rejects it. Default:
+            the chair that drove, where the log says so; else wheelchair.
         accept_poor_fit: Tune a model of which identify says that it explains less than half of each output's variance.
         out: Controller file to write. Default: controller.json.
     """
@@ -50,7 +51,7 @@ def tune(
     claim(out, force=force, kind="file")
     loaded = api.load_model(model)
     try:
-        chair = read_chair(vehicle).name
+        chair = None if vehicle is None else read_chair(vehicle).name
     except SettingsError as error:
         raise SettingsError(f"--vehicle: {error}") from None
     controller = api.tune(
@@ -78,7 +79,8 @@ def tune(
         },
         summary=[
             f"K = {controller.K.round(4).tolist()}",
-            f"spectral radius {radius:.3f} at a period of {controller.period_s:g} s; made for {chair}, written to {out}",
+            f"spectral radius {radius:.3f} at a period of {controller.period_s:g} s; "
+            f"made for {controller.vehicle}, written to {out}",
             *([] if warning is None else [f"warning: {warning}"]),
         ],
     )

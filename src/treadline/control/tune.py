@@ -18,7 +18,7 @@ from treadline.control.lqr import closed_loop_poles, lqr_gain, solvable, static_
 from treadline.core.angles import DEG
 from treadline.core.arrays import LARGEST
 from treadline.core.errors import ModelError, NotDetectable, NotStabilisable, SettingsError, ShapeMismatch
-from treadline.core.models import EXPLAINED, ControllerDesign, LinearModel, Reconstruct
+from treadline.core.models import DEFAULT_VEHICLE, EXPLAINED, VEHICLE, ControllerDesign, LinearModel, Reconstruct
 from treadline.core.signals import PERIOD_ROUNDING_S, TICK_S, on_the_tick
 from treadline.core.turning import check_turns
 
@@ -53,7 +53,7 @@ def tune(
     input_weight: Sequence[float] | None = None,
     period_s: float | None = None,
     reconstruct: Reconstruct = "observer",
-    vehicle: str = "wheelchair",
+    vehicle: str | None = None,
     accept_poor_fit: bool = False,
 ) -> ControllerDesign:
     """Return the controller of a model: LQR gain (Eq. 10) and an observer with a constant input disturbance.
@@ -67,7 +67,7 @@ def tune(
         input_weight: Diagonal of R, or one number for all inputs.
         period_s: Control period, a multiple of the mission's tick of 0.01 s; the model is resampled to it if different.
         reconstruct: State from an ``observer``, or ``static`` from one output (Eq. 11b).
-        vehicle: Name of the chair.
+        vehicle: Name of the chair; that which drove when left out, or ``wheelchair`` where the model does not say.
         accept_poor_fit: Tune an identified model that explains less than half of each output's variance.
 
     Raises:
@@ -97,7 +97,7 @@ def tune(
         disturbance_gain=disturbance_gain,
         period_s=model.dt_s,
         reconstruct=reconstruct,
-        vehicle=vehicle,
+        vehicle=vehicle or str(model.provenance.get(VEHICLE, DEFAULT_VEHICLE)),
         provenance={"Q": Q.tolist(), "R": R.tolist()},
     )
     radius = float(np.abs(closed_loop_poles(design)).max())

@@ -31,6 +31,10 @@ Reconstruct = Literal["observer", "static"]
 """Method of state reconstruction: an observer, or the static inverse of one output (Eq. 11b)."""
 EXPLAINED = "explained_percent"
 """Key of the provenance of an identified model: explained share of each output's variance [%]."""
+VEHICLE = "vehicle"
+"""Key of the provenance of an identified model: name of the vehicle that drove, where the log says so."""
+DEFAULT_VEHICLE = "wheelchair"
+"""Vehicle where none is named."""
 BAG_SUFFIXES = (".mcap", ".bag", ".db3")
 """Suffixes of message logs."""
 LOG_SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".gz", ".npz", ".parquet", ".feather", *BAG_SUFFIXES)
@@ -446,7 +450,7 @@ class ControllerDesign(Printable):
     disturbance_gain: Float[np.ndarray, " _"] | None = None
     """Gain from innovation to the estimated constant input disturbance; None: no disturbance estimate."""
     reconstruct: Reconstruct = "observer"
-    vehicle: str = "wheelchair"
+    vehicle: str = DEFAULT_VEHICLE
     provenance: Provenance = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -44,6 +44,8 @@ class InputOutputRecord(Brief):
     dt_s: float
     input_names: tuple[str, ...] = ()
     output_names: tuple[str, ...] = ()
+    vehicle: str = ""
+    """Name of the vehicle that drove; empty if unknown."""
 
     def __post_init__(self) -> None:
         for name in ("u", "y"):

@@ -19,7 +19,7 @@ from treadline.core import linear_systems
 from treadline.core.arrays import finite_or_none, spectral_radius
 from treadline.core.errors import RecordError
 from treadline.core.model_scores import TESTED_SAMPLES_MIN, Comparison, compare, skill_percent
-from treadline.core.models import EXPLAINED, InputOutputRecord, LinearModel
+from treadline.core.models import EXPLAINED, VEHICLE, InputOutputRecord, LinearModel
 from treadline.core.printing import Printable, p_text, percent_text, plain
 from treadline.core.transfer_function import StabilisationDiagram, is_unstable
 from treadline.core.turning import NAME_PRIOR, YAW_GAIN, turn_channels, turn_faults
@@ -289,7 +289,8 @@ class Identified(Printable):
     @cached_property
     def model(self) -> LinearModel:
         """The model; ``tune`` reads from its provenance the share of each output's variance that it explains."""
-        return replace(self.free, provenance=JudgedProvenance(self.free.provenance, self._figures))
+        drove = {VEHICLE: self.fitted[0].vehicle} if self.fitted[0].vehicle else {}
+        return replace(self.free, provenance=JudgedProvenance({**self.free.provenance, **drove}, self._figures))
 
     def _figures(self) -> dict[str, Any]:
         fit = self._turn_fit

@@ -69,9 +69,9 @@ def _traces(response: Any) -> list[InputOutputRecord]:
     if not np.ptp(steps) <= IRREGULAR * steps.mean():
         raise PeriodMismatch(f"the time response has steps of {steps.min():.4g} to {steps.max():.4g} s; give even times")
     u, y = (np.reshape(item, (-1, max(response.ntraces, 1), len(t_s))).transpose(1, 2, 0) for item in (response.u, response.y))
-    names = {"input_names": response.input_labels or (), "output_names": response.output_labels or ()}
+    inputs, outputs = response.input_labels or (), response.output_labels or ()
     period_s = shortest_decimal(float(steps.mean()), 2.0 * float(np.spacing(np.abs(t_s).max())))
-    return [InputOutputRecord(u=a, y=b, dt_s=period_s, **names) for a, b in zip(u, y, strict=True)]
+    return [InputOutputRecord(u=a, y=b, dt_s=period_s, input_names=inputs, output_names=outputs) for a, b in zip(u, y, strict=True)]
 
 
 def _is_several(given: Any) -> bool:

@@ -10,6 +10,7 @@ an error after the last chunk.
 """
 
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -33,7 +34,7 @@ from treadline.io._tables import (
     spread,
     uneven,
 )
-from treadline.io.runs import LOG, RECORD
+from treadline.io.runs import LOG, RECORD, chair_of_folder
 
 TIME = "t_s"
 """Name of the time column of a record."""
@@ -83,7 +84,15 @@ def read_record(
     if resample and table.t_s is not None:
         table = resampled(table, len(inputs), period_s, allow_gaps=allow_gaps)
     (record,) = _chunks([table], len(inputs), MOST_ROWS, period_s, allow_gaps=allow_gaps)
-    return record
+    return replace(record, vehicle=_vehicle_of(file))
+
+
+def _vehicle_of(file: Path) -> str:
+    """Return the name of the vehicle that drove, by its run's manifest; empty where there is none, or the chair's file is gone."""
+    with suppress(SettingsError):
+        chair = chair_of_folder(file)
+        return "" if chair is None else chair.name
+    return ""
 
 
 def write_record(path: Path, record: InputOutputRecord, first_t_s: float) -> None:

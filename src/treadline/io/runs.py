@@ -15,15 +15,18 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float
 
 from treadline.core.errors import SettingsError
-from treadline.core.files import write_json, write_whole
+from treadline.core.files import read_json, write_json, write_whole
 from treadline.core.models import ControllerDesign
 from treadline.core.printing import plain
+
+if TYPE_CHECKING:
+    from treadline.scenario.chair import ChairDescription
 
 SUCCEEDED = ("time_up", "arrived", "end_of_flight")
 """Verdicts of runs that did what was asked: exit code 0."""
@@ -74,6 +77,19 @@ def begin_run(
     if controller is not None:
         controller.save(folder / RUN_CONTROLLER)
     return manifest
+
+
+def chair_of_folder(path: Path) -> "ChairDescription | None":
+    """Return the chair of a run, by its folder or by a file in it; None where no run says so.
+
+    Raises:
+        SettingsError: If the manifest cannot be read, or names no chair that is there.
+    """
+    from treadline.scenario.scenario import chair_of_run
+
+    where = (path.parent if path.name in (LOG, RECORD) else path) / MANIFEST
+    settings = read_json(where).get("settings") if where.is_file() else None
+    return chair_of_run(settings, f"{where}: settings") if isinstance(settings, dict) else None
 
 
 def log_metadata(manifest: Mapping[str, Any], scenario: Mapping[str, Any] | None, folder: Path) -> dict[str, str]:

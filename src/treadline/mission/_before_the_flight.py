@@ -73,7 +73,7 @@ def is_unfit(now: Situation) -> str | None:
 def is_past_the_edge(now: Situation) -> str | None:
     """Square to the flight, and its edge is not behind the chair."""
     edge = now.stair.top_ahead_m()
-    is_past = now.is_square and (edge is None or edge > -now.pivot_m)
+    is_past = now.is_square and (edge is None or edge > -now.config.chair.rear_m)
     return "square to the flight, and its edge is not behind the chair" if is_past else None
 
 
@@ -99,7 +99,7 @@ def is_square(now: Situation) -> str | None:
     within = f"within {abs(now.estimate.heading_rad) / DEG:.1f}°"
     if now.is_up:
         return f"square to the stair {within}; rise {stair.rise_m:.3f} m, run {stair.run_m:.3f} m, {stair.slope_rad / DEG:.1f}°"
-    return None if edge is None else f"square {within}; edge {-edge - now.pivot_m:.2f} m behind"
+    return None if edge is None else f"square {within}; edge {-edge - now.config.chair.rear_m:.2f} m behind"
 
 
 # --- approach and mount

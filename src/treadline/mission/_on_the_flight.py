@@ -114,7 +114,7 @@ def back_off(now: Situation, motions: Motions) -> MotionPlan:
 
     A flipper on which the chair leans, over the crest or where its belts slipped, is first lifted slowly.
     """
-    if now.before_m >= -2.0 * now.pivot_m - now.step_m:
+    if now.before_m >= -now.bears_m - now.step_m:
         return driving(now, -SLOW_M_S, motions.level.keep(now.estimate), turn_to(now, stepping_rad(now)))
     lies = lies_rad(now)
     if now.flipper is not None and now.flipper.angle_rad < lies - THERE_RAD:

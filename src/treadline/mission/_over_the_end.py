@@ -57,7 +57,7 @@ def _checked(now: Situation, crossing: Crossing) -> Crossing:
     if now.around is None:
         return crossing
     # The flight must be complete over the length of the chair on it, and the stopping distance.
-    whole_to_m = 2.0 * now.pivot_m + KEEPS_M - now.around.top.ahead_m
+    whole_to_m = now.bears_m + KEEPS_M - now.around.top.ahead_m
     # On the approach a gap further away does not count: there a detector may miss a single nosing.
     checked_to_m = min(whole_to_m, NEAR_M - now.step_m) if now.phase == "approach" else whole_to_m
     gap = now.missing(checked_to_m - now.pivot_m)
@@ -230,7 +230,7 @@ def has_arrived(now: Situation) -> str | None:
 def _is_clear(now: Situation) -> bool:
     is_level = abs(now.stair.pitch_rad) < LEVEL_RAD
     if now.is_up:
-        return _at(now, "past") is not None and (is_level or now.gone_m > 2.0 * now.pivot_m + KEEPS_M)
+        return _at(now, "past") is not None and (is_level or now.gone_m > now.bears_m + KEEPS_M)
     return is_level and now.is_off
 
 

@@ -141,6 +141,11 @@ class Situation:
         return 0.5 * self.config.chair.tracks.flat_run_m
 
     @property
+    def bears_m(self) -> float:
+        """Distance from the rearmost axis to the front pulley [m]: twice ``pivot_m`` but for rear flippers."""
+        return self.config.chair.rear_m + self.pivot_m
+
+    @property
     def gone_m(self) -> float:
         """Belt travel since the state began [m], negative backwards."""
         return self.stair.travel_m - self.from_m
@@ -168,9 +173,9 @@ class Situation:
 
     @property
     def before_m(self) -> float:
-        """Distance of the leading pulley before the lowest nosing [m], along the belts going down; infinite without one."""
+        """Distance of the leading axis before the lowest nosing [m], along the belts going down; infinite without one."""
         foot = self.stair.first_ahead_m() if self.is_up else self.stair.bottom_ahead_m()
-        return math.inf if foot is None else self.way.sign * foot - self.pivot_m
+        return math.inf if foot is None else self.way.sign * foot - (self.pivot_m if self.is_up else self.config.chair.rear_m)
 
     @property
     def enters(self) -> bool:
@@ -180,7 +185,7 @@ class Situation:
         if self.is_up:
             return self.before_m < ENTER_FROM_M or self.stair.pitch_rad > OFF_RAD
         edge = self.stair.top_ahead_m()
-        return edge is None or -edge - self.pivot_m < ENTER_FROM_M
+        return edge is None or -edge - self.config.chair.rear_m < ENTER_FROM_M
 
     @property
     def tips(self) -> bool:
@@ -190,7 +195,7 @@ class Situation:
     @property
     def is_off(self) -> bool:
         """Whether the flipper's tip of a chair that goes down has left the last nosing."""
-        return self.before_m < -2.0 * self.pivot_m - self.config.chair.tracks.approach_m
+        return self.before_m < -self.bears_m - self.config.chair.tracks.approach_m
 
     @property
     def still(self) -> MotionPlan:

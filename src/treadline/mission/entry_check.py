@@ -51,21 +51,38 @@ def certain_reject_reason(
 
 def reject_reason(chair: ChairDescription, payload_kg: float, rise_m: float, run_m: float, slope_rad: float) -> str | None:
     """Return the reason why the chair must not enter, with the number and the remedy; None if it may."""
-    rating = chair.rating
-    if rating is not None and slope_rad > rating.slope_deg * DEG + MEASURED_RAD:
-        steep = f"the stair is {slope_rad / DEG:.1f}° steep"
-        return f"{steep}, chair '{chair.name}' is rated for {rating.slope_deg:g}°; take another way"
-    if rating is not None and payload_kg > rating.payload_kg:
-        return f"a payload of {payload_kg:g} kg; chair '{chair.name}' is rated for {rating.payload_kg:g} kg"
+    steepness = f"the stair is {slope_rad / DEG:.1f}° steep"
+    rated = beyond_rating(chair, slope_rad - MEASURED_RAD, payload_kg, steepness)
+    if rated is not None:
+        return rated
     lacking_m = minimum_track_length(rise_m, run_m) - track_on_stair_m(chair)
     if lacking_m > MEASURED_M:
         return f"the track is {lacking_m:.3f} m too short for steps of {rise_m:.3f} by {run_m:.3f} m; use a longer track"
     reach = math.inf if chair.seat is None else SeatLinkage(chair.seat).angle_range[1]
     if reach < slope_rad - MEASURED_RAD:
-        return f"the stair is {slope_rad / DEG:.1f}° steep, the seat stays level to {reach / DEG:.0f}°; lengthen its stroke"
+        return f"{steepness}, the seat stays level to {reach / DEG:.0f}°; lengthen its stroke"
     margin_rad = min(rest_chair(chair, payload_kg).least_margins(rise_m, run_m, (0.0,)))
     if margin_rad < MARGIN_LIMIT_RAD - UNKNOWN_RAD:
         least = MARGIN_LIMIT_RAD / DEG
         remedy = "take less payload" if chair.seat is None else "shift the seat or take less payload"
         return f"the tipping margin would be {margin_rad / DEG:.1f}°, below {least:g}°; {remedy}"
+    return None
+
+
+def beyond_rating(chair: ChairDescription, slope_rad: float, payload_kg: float, steepness: str) -> str | None:
+    """Return why slope or payload are beyond the maker's limits, None if they are not.
+
+    Args:
+        chair: Chair.
+        slope_rad: Slope that is at least there.
+        payload_kg: Weight of the passenger.
+        steepness: Clause that states the slope.
+    """
+    rating = chair.rating
+    if rating is None:
+        return None
+    if rating.slope_deg is not None and slope_rad > rating.slope_deg * DEG + 1e-9:
+        return f"{steepness}, chair '{chair.name}' is rated for {rating.slope_deg:g}°; take another way"
+    if payload_kg > rating.payload_kg:
+        return f"a payload of {payload_kg:g} kg; chair '{chair.name}' is rated for {rating.payload_kg:g} kg"
     return None

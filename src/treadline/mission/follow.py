@@ -183,7 +183,7 @@ class Follower:
         self._tip, self._rate = Tip(loading), FlipperRate(flipper)
         self._range_rad = (flipper.range_deg[0] * DEG, flipper.range_deg[1] * DEG)
         self._pivot_m, self._length_m, self._radius_m = 0.5 * tracks.flat_run_m, tracks.approach_m, tracks.pulley_radius_m
-        self._rest_rad = tracks.approach_angle_deg * DEG
+        self._rest_rad, self._rear_m = tracks.approach_angle_deg * DEG, chair.rear_m
         self._turns_back, self._barred = False, ""
         self._t_s: float | None = None
         self._forget()
@@ -250,12 +250,12 @@ class Follower:
         x_m, pivot_m, reach_m = terrain.x_m, self._pivot_m, self._pivot_m + self._length_m
         if self._sign > 0.0:
             starts_m = (terrain.foot_m - reach_m - BEFORE_M, terrain.foot_m + pivot_m, terrain.top_m - pivot_m - 0.5 * CLEARS_M)
-            if x_m > terrain.top_m + pivot_m:
+            if x_m > terrain.top_m + self._rear_m:
                 return "past"
             return "top" if x_m > starts_m[2] else "ride" if x_m > starts_m[1] else "foot" if x_m > starts_m[0] else "before"
         if x_m < terrain.foot_m - reach_m:
             return "past"
-        if x_m > terrain.top_m + pivot_m + BEFORE_M:
+        if x_m > terrain.top_m + self._rear_m + BEFORE_M:
             return "before"
         return "top" if x_m > terrain.top_m - pivot_m - CLEARS_M else "foot" if x_m < terrain.foot_m + pivot_m else "ride"
 
@@ -304,7 +304,7 @@ class Follower:
         """Return place and flipper angle at the end of the way: beyond the end of the flight, or on it with the flipper riding."""
         sign = -self._sign if self._turns_back else self._sign
         if sign > 0.0:
-            last_m = terrain.top_m + self._pivot_m + (BEFORE_M + 0.02 if self._turns_back else 0.5 * BEFORE_M)
+            last_m = terrain.top_m + self._rear_m + (BEFORE_M + 0.02 if self._turns_back else 0.5 * BEFORE_M)
         else:
             last_m = terrain.foot_m - self._pivot_m - self._length_m - 0.5 * BEFORE_M
         if sign * (last_m - terrain.x_m) < 1.5 * REACH_M:

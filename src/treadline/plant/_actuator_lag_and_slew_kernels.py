@@ -10,6 +10,9 @@ STALLED, POWER_CUT, SEAT_STUCK, FLIPPER_STUCK = 6, 8, 9, 10
 # Outputs: held seat angle, rate of the flipper target, brake flag.
 SEAT_ANGLE, FLIPPER_RATE, BRAKED = 11, 12, 13
 DRIVES = 14
+# Columns of a flipper's limits: lowest and highest angle, rate limit, servo deflection at full torque, servo lag, damping of an
+# unpowered motor, damping of the joint, stall torque, no-load rate, whether it follows the commands, angle at which it stays else.
+FOLLOWS, STAYS, FLIPPER = 9, 10, 11
 
 
 @njit(cache=True)
@@ -22,7 +25,7 @@ def act(command, drives, state, seat, angles, flipper, flipper_angle):
         state: rows as named above.
         seat: lower and upper end of the stroke, spacing of ``angles``; empty without a seat.
         angles: seat angle over the stroke; empty without a seat.
-        flipper: lowest and highest angle, rate limit, servo deflection at full torque, and others; empty without a flipper.
+        flipper: limits of each flipper, the first of which commands turn; no rows without one.
         flipper_angle: actual flipper angle.
     """
     powered = state[POWER_CUT] < 0.5
@@ -40,10 +43,11 @@ def act(command, drives, state, seat, angles, flipper, flipper_angle):
         state[SEAT_ANGLE] = table(state[STROKE], seat[0], seat[2], angles)
 
     if flipper.shape[0] > 0:
-        rate = min(max(command[4], -flipper[2]), flipper[2]) if state[FLIPPER_STUCK] < 0.5 and powered else 0.0
+        limits = flipper[0]
+        rate = min(max(command[4], -limits[2]), limits[2]) if state[FLIPPER_STUCK] < 0.5 and powered else 0.0
         # Anti-windup: the target stays within the servo deflection of full motor torque.
-        target = min(max(state[FLIPPER_TARGET] + rate * TICK_S, flipper_angle - flipper[3]), flipper_angle + flipper[3])
-        held = min(max(target, flipper[0]), flipper[1])
+        target = min(max(state[FLIPPER_TARGET] + rate * TICK_S, flipper_angle - limits[3]), flipper_angle + limits[3])
+        held = min(max(target, limits[0]), limits[1])
         state[FLIPPER_TARGET] = held
         state[FLIPPER_RATE] = rate if held == target else 0.0
 

@@ -15,6 +15,7 @@ from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription, Flipper
 from treadline.scenario.scenario import Scenario
 from treadline.vehicle.linkage import SeatLinkage
 from treadline.vehicle.loading import Loading
+from treadline.vehicle.tracks import Section, sections
 
 BRAKE_M_S2 = 10.0
 """Deceleration of a belt with engaged brake [m/s²]."""
@@ -47,9 +48,11 @@ class Actuators:
         )
         self.seat, self.angles = (np.array([]), np.array([])) if self._linkage is None else _seat_table(self._linkage)
         """Ends of the stroke with the table's spacing, and the seat angle over the stroke; both empty without a seat."""
-        self.flipper = (
-            np.array([]) if chair.flipper is None else _flipper_limits(chair.flipper, limited=scenario.realism.motor_limits)
-        )
+        limited = scenario.realism.motor_limits
+        self.flipper = np.array(
+            [_flipper_limits(part, part.motor, limited=limited) for part in sections(chair) if part.motor is not None]
+        ).reshape(-1, kernels.FLIPPER)
+        """Limits of each flipper, that which commands turn first; no rows without one."""
         self.state = np.zeros(kernels.DRIVES)
         self.command = np.zeros(5)
         self.motor = _motor_limits(scenario, chair)
@@ -106,13 +109,14 @@ def _seat_table(linkage: SeatLinkage) -> tuple[Vector3, Float[np.ndarray, " n"]]
     return np.array([low, high, strokes[1] - strokes[0]]), np.array([linkage.angle(float(stroke)) for stroke in strokes])
 
 
-def _flipper_limits(flipper: Flipper, *, limited: bool) -> Float[np.ndarray, " n"]:
-    """Return the flipper parameters as an array for the compiled loop."""
+def _flipper_limits(section: Section, flipper: Flipper, *, limited: bool) -> Float[np.ndarray, " n"]:
+    """Return the parameters of a flipper as an array for the compiled loop."""
     low, high = (angle * DEG for angle in flipper.range_deg)
     wind_up = flipper.torque_n_m / FLIPPER_STIFFNESS_N_M_RAD
     no_load = flipper.no_load_deg_s * DEG if limited and flipper.no_load_deg_s is not None else math.inf
     servo = (wind_up, FLIPPER_LAG_S, flipper.lost_damping_n_m_s_rad, FLIPPER_FRICTION_N_M_S_RAD)
-    return np.array([low, high, flipper.max_rate_deg_s * DEG, *servo, flipper.torque_n_m, no_load])
+    stays = (float(section.follows), section.stays_rad)
+    return np.array([low, high, flipper.max_rate_deg_s * DEG, *servo, flipper.torque_n_m, no_load, *stays])
 
 
 def _motor_limits(scenario: Scenario, chair: ChairDescription) -> Float[np.ndarray, " n"]:

@@ -31,6 +31,7 @@ from treadline.vehicle.bodies import centre_of_mass
 from treadline.vehicle.stair_solids import bearing_edges, ground_m, stair_surfaces
 from treadline.vehicle.staircase import Staircase
 from treadline.vehicle.tip_over_margin import ROCKING, Margins, Support, tipping_margins
+from treadline.vehicle.tracks import sections
 
 QUALITY = "/camera/quality"
 """Topic with one message per camera frame that the mission received."""
@@ -414,23 +415,24 @@ def margins_at(recording: Recording, k: int) -> Margins | None:
 def support_at(chair: ChairDescription, staircase: Staircase, R_WB: Rotation, p_WB: Vector3, flipper_rad: float) -> Support | None:
     """Return the support by nosings under the belts, by ground under the pulleys, and by the flipper's tip; None without any.
 
-    The lower outline of a belt has the distance of the pulleys' radius from the line through rear, front and tip axis.
+    The outline of a section of the belts has the distance of its pulleys' radii from the line through their axes.
     """
-    tracks = chair.tracks
-    radius_m, half_m, side_m = tracks.pulley_radius_m, 0.5 * tracks.flat_run_m, 0.5 * (tracks.gauge_m + tracks.belt_width_m)
-    tip_x = half_m + tracks.approach_m * math.cos(flipper_rad)
-    axes = np.array([[-half_m, radius_m], [half_m, radius_m], [tip_x, radius_m + tracks.approach_m * math.sin(flipper_rad)]])
     rounded = bearing_edges(staircase)
     edges, radii_m = ((rounded[:, :3] - p_WB) @ R_WB)[:, [0, 2]], rounded[:, 3]
-    gaps = np.full(len(edges), np.inf)
-    for start, end in pairwise(axes):
-        share = np.clip((edges - start) @ (end - start) / max(float(np.dot(end - start, end - start)), 1e-12), 0.0, 1.0)
-        gaps = np.minimum(gaps, np.linalg.norm(edges - start - share[:, None] * (end - start), axis=1) - radius_m - radii_m)
+    edge_gaps, under_m, under_gaps = np.full(len(edges), np.inf), [edges[:, 0]], []
     surfaces = stair_surfaces(staircase)
-    ends_W = p_WB + np.array([[x, side * 0.5 * tracks.gauge_m, z] for x, z in axes for side in (-1.0, 1.0)]) @ R_WB.T
-    under = (ends_W[:, 2] - ground_m(surfaces, ends_W) - radius_m).reshape(-1, 2).min(axis=1)
-    # A pulley's lowest point is below its axis in W.
-    places, gaps = np.append(edges[:, 0], axes[:, 0] - radius_m * R_WB[2, 0]), np.append(gaps, under)
+    for section in sections(chair):
+        axes = np.array([section.start_m, section.end_m(flipper_rad)])
+        along = axes[1] - axes[0]
+        share = np.clip((edges - axes[0]) @ along / section.length_m**2, 0.0, 1.0)
+        outline_m = section.radii_m[0] + share * (section.radii_m[1] - section.radii_m[0])
+        off_m = np.linalg.norm(edges - axes[0] - share[:, None] * along, axis=1)
+        edge_gaps = np.minimum(edge_gaps, off_m - outline_m - radii_m)
+        ends_W = p_WB + np.array([[x, side * 0.5 * section.gauge_m, z] for x, z in axes for side in (-1.0, 1.0)]) @ R_WB.T
+        under_gaps.append((ends_W[:, 2] - ground_m(surfaces, ends_W)).reshape(-1, 2).min(axis=1) - section.radii_m)
+        under_m.append(axes[:, 0] - np.array(section.radii_m) * R_WB[2, 0])  # a pulley's lowest point is below its axis in W
+    places, gaps = np.concatenate(under_m), np.concatenate([edge_gaps, *under_gaps])
+    side_m = 0.5 * (chair.tracks.gauge_m + chair.tracks.belt_width_m)
     touching = places[gaps <= CONTACT_M]
     if not touching.size:
         return None

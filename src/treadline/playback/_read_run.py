@@ -9,6 +9,7 @@ import numpy as np
 from treadline.core.camera_images import RgbdFrame
 from treadline.core.errors import LogFormatError, SettingsError
 from treadline.core.files import json_of, read_json
+from treadline.core.models import DEFAULT_VEHICLE
 from treadline.core.ports import Truth
 from treadline.core.signals import FlipperReading, HeadingEstimate, ImuSample, SeatReading, StairMap, TrackCommand, TrackReading
 from treadline.io.columns import read_contents
@@ -31,7 +32,6 @@ NUMERIC: dict[str, type] = {
 """Topics of numbers, with the signal that each holds."""
 OF_IMU = ("orientation.w", "orientation.x", "orientation.y", "orientation.z", "angular_velocity.y")
 """Numbers of an IMU that a recording needs."""
-DEFAULT_CHAIR = "wheelchair"
 
 
 def read_recording(target: str | Path) -> Recording:
@@ -54,7 +54,7 @@ def read_recording(target: str | Path) -> Recording:
         raise LogFormatError(f"{path}: no {MANIFEST} and no bag; give a run folder, an MCAP log or a ROS bag")
     manifest = manifest_of(path)
     builder = (
-        RecordingBuilder(read_chair(DEFAULT_CHAIR), source=str(path))
+        RecordingBuilder(read_chair(DEFAULT_VEHICLE), source=str(path))
         if manifest is None
         else _begun(manifest, path if folder is None else folder / MANIFEST, folder or path)
     )

@@ -18,6 +18,7 @@ from treadline.report.html_pages import packed, packed_indices
 from treadline.report.plot_table import PLOTS, Plot, phase_colour
 from treadline.scenario.scenario import Belts, Chair
 from treadline.vehicle.appearance import BeltPath, MeshPart, body_poses, chair_parts, lug_part, lug_poses, stair_parts
+from treadline.vehicle.bodies import flipper_turns
 from treadline.vehicle.comfort import COMFORT_TICKS, passenger_acceleration
 
 MOST_SAMPLES = 40_000
@@ -124,7 +125,9 @@ def scene_of(recording: Recording) -> dict[str, Any]:
         "lug": _mesh(lug_part(chair, belts)),
         "bodies": {
             "seat": _table(seat, [body_poses(chair, loading, float(angle)) for angle in seat], ("seat", "bar", "slider")),
-            "flipper": _table(flipper, [body_poses(chair, loading, 0.0, float(angle)) for angle in flipper], ("flipper",)),
+            "flipper": _table(
+                flipper, [body_poses(chair, loading, 0.0, float(angle)) for angle in flipper], tuple(flipper_turns(chair))
+            ),
         },
         "belt": _belt(recording, belts, flipper),
     }

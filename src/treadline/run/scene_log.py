@@ -53,7 +53,7 @@ from treadline.perception.overlay import as_jpeg, overlay
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.scenario import Belts, Chair
 from treadline.vehicle.appearance import LINKAGE_BODIES, chair_parts, colour, resting_lugs, stair_parts
-from treadline.vehicle.bodies import Vehicle, vehicle
+from treadline.vehicle.bodies import Vehicle, flipper_turns, vehicle
 from treadline.vehicle.linkage import SeatLinkage
 from treadline.vehicle.staircase import Staircase
 from treadline.vehicle.urdf import urdf
@@ -95,7 +95,7 @@ class SceneLog:
     ) -> None:
         self._log = log
         self._linkage = None if chair.seat is None else SeatLinkage(chair.seat)
-        self._vehicle = vehicle(chair, loading)
+        self._chair, self._vehicle = chair, vehicle(chair, loading)
         self._turning = self._vehicle.turning
         self._has_truth = staircase is not None
         self._placed_s: float | None = None
@@ -193,15 +193,15 @@ class SceneLog:
         if truth is not None and not math.isnan(truth.chassis_x_m):
             poses.insert(0, _corrected(truth, rotation_of(q_OB), p_OB))
         seat_rad = 0.0 if self._linkage is None or self._stroke_m is None else self._linkage.nearest_angle(self._stroke_m)
-        angles = {"seat": seat_rad, "flipper": self._flipper_rad}
-        for body, hinge in self._turning:
-            half = 0.5 * angles[body.name] * hinge.axis[1]
+        turns = {"seat": seat_rad, **flipper_turns(self._chair, self._flipper_rad)}
+        for body, _ in self._turning:
+            half = 0.5 * turns[body.name]
             quaternion = np.array([math.cos(half), 0.0, math.sin(half), 0.0])
             poses.append(FramePose(parent="chair", child=body.name, place_m=body.origin_m, quaternion=quaternion))
         messages = [frames_message("/tf", t_s, poses)]
         if self._turning:
             names = tuple(f"{body.name}_joint" for body, _ in self._turning)
-            turned = tuple(angles[body.name] for body, _ in self._turning)
+            turned = tuple(turns[body.name] * hinge.axis[1] for body, hinge in self._turning)
             messages.append(joints("/joint_states", t_s, names, turned, (), "chair"))
         if odometry is not None:
             messages.append(odometry_message("/odom", t_s, moved, odometry.speed_m_s, odometry.angular_velocity_rad_s))

@@ -17,9 +17,10 @@ from treadline.core.angles import DEG, radians_hint
 from treadline.core.errors import SettingsError
 from treadline.core.printing import Printable
 from treadline.core.step_sizes import RISE_M, RUN_M, SINGLE_RISE_M
+from treadline.mission.entry_check import beyond_rating
 from treadline.mission.mission_config import MissionConfig
 from treadline.run.walker import walk
-from treadline.scenario.chair import ChairDescription, Tracks
+from treadline.scenario.chair import ChairDescription, Faces, Tracks
 from treadline.scenario.scenario import SEAT_SHIFT_M, Chair, Scenario, Stair
 from treadline.vehicle.bodies import centre_of_mass, oversized_lugs
 from treadline.vehicle.climb import Climb, climb_of
@@ -85,6 +86,8 @@ class CheckReport(Printable):
     nosings_in_view: int | None = None
     """Number of nosings in view of the camera from the start, 0 where fewer than two are; None in open loop, which uses no camera,
     and where the chair cannot stand there."""
+    faces: Faces = "up"
+    """Where the passenger looks on the stair."""
     flipper_torque_n_m: float | None = None
     """Largest torque that the flipper's motor bears on the way [N m]; None without a flipper or a walk."""
     walk: Walk | None = None
@@ -119,6 +122,7 @@ class CheckReport(Printable):
             ("tip-over margins", margins),
             ("seat", seat),
             *([] if self.flipper_torque_n_m is None else [("flipper", f"{self.flipper_torque_n_m:.0f} N m at most")]),
+            *([("passenger", "looks down the stair: up rear first, down front first")] if self.faces == "down" else []),
             *([] if self.nosings_in_view is None else [("camera", f"nosings in view from the start: {self.nosings_in_view}")]),
             *(("reason", reason) for reason in self.reasons),
             *(("warning", warning) for warning in self.warnings),
@@ -147,7 +151,7 @@ def check(scenario: Scenario, chair: ChairDescription, mission: MissionConfig) -
     reasons = [
         reason
         for reason in (
-            _beyond_rating(chair, climb, loading.payload_kg),
+            beyond_rating(chair, slope, loading.payload_kg, climb.steepness),
             shortage(slope, heading, stair.mean_friction, climb.below),
             _too_heavy_for_the_brakes(chair, loading.payload_kg, climb),
             None if seat_range is None else _too_steep_for_the_seat(seat_range[1], climb),
@@ -159,7 +163,7 @@ def check(scenario: Scenario, chair: ChairDescription, mission: MissionConfig) -
             _winders(stair),
             _turned_nosings(scenario),
             *start_problems,
-            oversized_lugs(scenario.belts, chair.tracks),
+            oversized_lugs(scenario.belts, chair),
         )
         if reason is not None
     ]
@@ -183,6 +187,7 @@ def check(scenario: Scenario, chair: ChairDescription, mission: MissionConfig) -
         proposed_seat_shift_m=shift,
         warnings=_unit_warnings(scenario, chair),
         nosings_in_view=nosings_in_view,
+        faces=chair.faces,
         flipper_torque_n_m=None if walked is None or chair.flipper is None else max(walked.hardest.pose.torques_n_m),
         walk=walked,
     )
@@ -191,8 +196,8 @@ def check(scenario: Scenario, chair: ChairDescription, mission: MissionConfig) -
 def least_margins(chair: ChairDescription, loading: Chair, climb: Climb, heading_rad: float, walked: Walk | None) -> Margins:
     """Return the least tip-over margins on the way; without a walk, those of a long flight with such steps.
 
-    A front margin is ``uphill`` and a rear margin is ``downhill``: the chair faces up in both directions. Sideways the chair stands
-    on its belts' outer edges.
+    A front margin is ``uphill`` and a rear margin is ``downhill``: the flipper is uphill in both directions. Sideways the chair
+    stands on its belts' outer edges.
     """
     slope_rad = climb.slope_rad
     up = (math.sin(slope_rad) * math.cos(heading_rad), -math.sin(slope_rad) * math.sin(heading_rad), math.cos(slope_rad))
@@ -200,7 +205,8 @@ def least_margins(chair: ChairDescription, loading: Chair, climb: Climb, heading
     if walked is not None:
         front, rear = walked.least_front.pose.front_margin_rad, walked.least_rear.pose.rear_margin_rad
     else:
-        loaded = rest_chair(chair, loading.payload_kg, offset_m=loading.payload_offset_m, seat_shift_m=loading.seat_shift_m)
+        offset_m = chair.in_chair(loading.payload_offset_m)
+        loaded = rest_chair(chair, loading.payload_kg, offset_m=offset_m, seat_shift_m=loading.seat_shift_m)
         front, rear = loaded.least_margins(climb.rise_m, math.sqrt(climb.pitch_m**2 - climb.rise_m**2), (0.0,))
     return Margins(uphill=front, downhill=rear, left=left, right=right)
 
@@ -295,17 +301,6 @@ def _unit_warnings(scenario: Scenario, chair: ChairDescription) -> list[str]:
         "rear_camera.pitch_deg": 0.0 if chair.rear_camera is None else chair.rear_camera.pitch_deg,
     }
     return [hint for name, angle_deg in angles.items() if (hint := radians_hint(name, angle_deg)) is not None]
-
-
-def _beyond_rating(chair: ChairDescription, climb: Climb, payload_kg: float) -> str | None:
-    rating = chair.rating
-    if rating is None:
-        return None
-    if climb.slope_rad > rating.slope_deg * DEG + 1e-9:
-        return f"{climb.steepness}, chair '{chair.name}' is rated for {rating.slope_deg:g}°; take another way"
-    if payload_kg <= rating.payload_kg:
-        return None
-    return f"a payload of {payload_kg:g} kg; chair '{chair.name}' is rated for {rating.payload_kg:g} kg"
 
 
 def _no_seat_to_shift(loading: Chair, chair: ChairDescription) -> str | None:

@@ -62,7 +62,9 @@ class _Walker:
     def __init__(self, scenario: Scenario, chair: ChairDescription, mission: MissionConfig) -> None:
         self._scenario, self._flipper = scenario, chair.flipper
         load = scenario.chair.entered
-        self._chair = rest_chair(chair, load.payload_kg, offset_m=load.payload_offset_m, seat_shift_m=load.seat_shift_m)
+        self._chair = rest_chair(
+            chair, load.payload_kg, offset_m=chair.in_chair(load.payload_offset_m), seat_shift_m=load.seat_shift_m
+        )
         staircase = as_designed(scenario.stair, scenario.step, scenario.sill)
         self._ground = ground_profile(staircase)
         self._end_x_m = staircase.flights[0][-1].x_m - 0.5 * chair.tracks.flat_run_m * math.cos(staircase.slope_rad)

@@ -5,7 +5,7 @@ Paper: Section II, Table I. All positions are in B: x forward, y left, z up, ori
 
 import math
 from dataclasses import replace
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
@@ -63,6 +63,8 @@ Speed = Annotated[float, Field(gt=0.0, le=10.0)]
 Lag = Annotated[float, Field(le=10.0), AfterValidator(_a_tick_or_more)]
 Torque = Annotated[float, Field(le=1e4), AfterValidator(_above_zero)]
 Point = tuple[Place, Place, Place]
+Faces = Literal["up", "down"]
+"""Where an occupant looks on a stair, on the way up as on the way down."""
 Size = tuple[Length, Length, Length]
 
 
@@ -76,6 +78,8 @@ class Tracks(Settings):
     approach_angle_deg: Annotated[float, Field(ge=0.0, le=80.0)]
     """Angle of attack: angle of the nose section above the flat run."""
     pulley_radius_m: Length
+    nose_radius_m: Length | None = None
+    """Radius of the nose pulley. Unset: that of the others."""
     gauge_m: Length
     """Distance between the belts' centre lines."""
     belt_width_m: Length
@@ -195,11 +199,58 @@ class Flipper(Settings):
     mass_kg: Mass
 
 
+class BeltSection(Settings):
+    """Further section of the belts, on both sides, between two axes: a second pair of flippers, or a fixed ramp.
+
+    It is driven with the belt of its side. A section with a joint turns about its start.
+    """
+
+    name: Annotated[str, Field(pattern="^[a-z][a-z0-9_]*$")]
+    start_m: tuple[Place, Place]
+    """Axis of its first pulley in B, forward and up."""
+    end_m: tuple[Place, Place]
+    """Axis of its last pulley, with the joint at zero."""
+    radii_m: tuple[Length, Length]
+    """Radii of its first and last pulley."""
+    gauge_m: Length | None = None
+    """Distance between the centre lines of both sides. Unset: that of the tracks."""
+    width_m: Length | None = None
+    """Width of its belt. Unset: that of the tracks."""
+    angle_deg: Annotated[float, Field(ge=-90.0, le=90.0)] = 0.0
+    """Angle at which it stays, raised from the line of its axes at zero."""
+    flipper: Flipper | None = None
+    """Joint with its motor. None: fixed."""
+    follows: bool = False
+    """Whether the joint turns as the ``[flipper]`` does, raised as far as that, in place of staying at ``angle_deg``."""
+
+    @model_validator(mode="after")
+    def _is_a_section(self) -> "BeltSection":
+        if self.length_m <= abs(self.radii_m[0] - self.radii_m[1]):
+            raise ValueError(f"belt '{self.name}' has its axes {self.length_m:g} m apart, so that one pulley holds the other")
+        if self.follows and self.flipper is None:
+            raise ValueError(f"belt '{self.name}' follows the flipper, and has no [belt.flipper], its joint")
+        low_deg, high_deg = (-90.0, 90.0) if self.flipper is None else self.flipper.range_deg
+        if not low_deg <= self.angle_deg <= high_deg:
+            raise ValueError(
+                f"belt '{self.name}': angle_deg is {self.angle_deg:g}, outside its range of {low_deg:g} to {high_deg:g}"
+            )
+        return self
+
+    @property
+    def length_m(self) -> float:
+        """Distance of its axes [m]."""
+        return math.dist(self.start_m, self.end_m)
+
+    def reach_m(self, sign: float) -> float:
+        """Return the distance from mid-track to its foremost part, or to its rearmost with sign -1, with its joint at zero [m]."""
+        return max(sign * axis[0] + radius for axis, radius in zip((self.start_m, self.end_m), self.radii_m, strict=True))
+
+
 class Rating(Settings):
     """Manufacturer's limits; physics may allow more."""
 
-    slope_deg: Annotated[float, Field(ge=5.0, le=45.0)]
-    """Slope of the steepest flight; no [stair] is flatter than 5°."""
+    slope_deg: Annotated[float, Field(ge=5.0, le=45.0)] | None = None
+    """Slope of the steepest flight; no [stair] is flatter than 5°. Unset: what friction, torque and tip-over margins allow."""
     payload_kg: Mass
     """Largest payload on any flight; how steep a flight it may be follows from the flipper's torque."""
 
@@ -230,6 +281,9 @@ class ChairDescription(Settings):
     alternatives: ClassVar[Pairs] = (("seat", "payload"),)
 
     name: str
+    faces: Faces = "up"
+    """Where the occupant looks on a stair. Facing down, the chair climbs rear first and comes down front first. Its flipper points
+    uphill either way, and with it B's x axis: what is said of the occupant (forward, left) is turned by 180° against B."""
     tracks: Tracks
     masses: Masses
     seat: Seat | None = None
@@ -244,6 +298,8 @@ class ChairDescription(Settings):
     """Manufacturer's limits. None: no limits besides mechanics."""
     flipper: Flipper | None = None
     """Flipper. None: the approach section is fixed."""
+    belt: tuple[BeltSection, ...] = ()
+    """Further sections of the belts besides the flat run and its approach."""
     motor: Motor | None = None
     """Motor of each belt. None: belts follow their commands at any load."""
     battery: Battery | None = None
@@ -277,6 +333,23 @@ class ChairDescription(Settings):
         return self
 
     @model_validator(mode="after")
+    def _sections_are_apart(self) -> "ChairDescription":
+        names = [section.name for section in self.belt]
+        for section in self.belt:
+            if names.count(section.name) > 1 or section.name in ("chair", "seat", "load", "flipper"):
+                raise ValueError(f"two sections of the vehicle are called '{section.name}'; give each belt a name of its own")
+            if section.follows and self.flipper is None:
+                raise ValueError(f"belt '{section.name}' follows the flipper, and the vehicle has no [flipper]")
+        axes = [section.start_m for section in self.belt if section.flipper is not None]
+        axes += [(0.5 * self.tracks.flat_run_m, self.tracks.pulley_radius_m)] if self.flipper is not None else []
+        twice = next((axis for axis in axes if axes.count(axis) > 1), None)
+        if twice is not None:
+            raise ValueError(
+                f"two sections turn about one axis, at {twice[0]:g} m ahead and {twice[1]:g} m up; give one of them another"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _the_flipper_rests_within_its_range(self) -> "ChairDescription":
         rest_deg = self.tracks.approach_angle_deg
         low_deg, high_deg = (rest_deg, rest_deg) if self.flipper is None else self.flipper.range_deg
@@ -302,6 +375,11 @@ class ChairDescription(Settings):
             return self
         x, y, z = self.seat.hinge_m
         return self.changed(seat={"hinge_m": (x + shift_m, y, z)})
+
+    def in_chair(self, occupant_m: Point) -> Point:
+        """Return in B a shift that is given in the occupant's frame: forward, left, up [m]."""
+        x, y, z = occupant_m
+        return occupant_m if self.faces == "up" else (-x, -y, z)
 
     @property
     def payload_origin_m(self) -> Point:
@@ -369,15 +447,29 @@ class ChairDescription(Settings):
         return self.half_width_m + SWEPT_SPARE_M
 
     @property
+    def flippers_kg(self) -> float:
+        """Mass of all flippers [kg]."""
+        return sum(motor.mass_kg for motor in (self.flipper, *(section.flipper for section in self.belt)) if motor is not None)
+
+    @property
     def reach_m(self) -> float:
         """Distance from mid-track to the foremost part of the tracks [m]: nose, or tip of a flipper in line with the belts."""
-        end_m = self.nose_m[0] if self.flipper is None else 0.5 * self.tracks.flat_run_m + self.tracks.approach_m
-        return end_m + self.tracks.pulley_radius_m
+        tracks = self.tracks
+        end_m = self.nose_m[0] if self.flipper is None else 0.5 * tracks.flat_run_m + tracks.approach_m
+        return max(end_m + (tracks.nose_radius_m or tracks.pulley_radius_m), *(section.reach_m(1.0) for section in self.belt), 0.0)
+
+    @property
+    def rear_m(self) -> float:
+        """Distance from mid-track to the rearmost axis of the tracks, a rear flipper in line with the belts [m]."""
+        return max(
+            0.5 * self.tracks.flat_run_m, *(-axis[0] for section in self.belt for axis in (section.start_m, section.end_m)), 0.0
+        )
 
     @property
     def rear_reach_m(self) -> float:
-        """Distance from mid-track to the rearmost part of the tracks [m]."""
-        return 0.5 * self.tracks.flat_run_m + self.tracks.pulley_radius_m
+        """Distance from mid-track to the rearmost part of the tracks [m], a rear flipper in line with the belts."""
+        own_m = 0.5 * self.tracks.flat_run_m + self.tracks.pulley_radius_m
+        return max(own_m, *(section.reach_m(-1.0) for section in self.belt), 0.0)
 
     @property
     def nose_m(self) -> Point:

@@ -11,7 +11,7 @@ from treadline.core.errors import SettingsError, closest
 from treadline.core.printing import Printable
 from treadline.core.settings import Settings, parse_toml, settings_of
 from treadline.scenario.camera_file import read_camera
-from treadline.scenario.chair import ChairDescription, read_chair
+from treadline.scenario.chair import ChairDescription, Faces, read_chair
 from treadline.scenario.faults import Fault
 from treadline.scenario.operator_actions import OperatorAct, act_problem
 from treadline.scenario.shipped_files import CAMERAS, CHAIRS, DATA, file_named
@@ -38,6 +38,8 @@ class Chair(Settings):
 
     model: str = "wheelchair"
     """Name of a shipped chair, or path of a chair's TOML file."""
+    faces: Faces | None = None
+    """Where the occupant looks on the stair, up or down. Unset: as the chair's file says."""
     payload_kg: Annotated[float, Field(ge=0.0, le=200.0)] = 50.0
     """Mass of the passenger."""
     payload_offset_m: tuple[Offset, Offset, Offset] = (0.0, 0.0, 0.0)
@@ -286,6 +288,8 @@ class Scenario(Printable, Settings):
             SettingsError: If no such chair or camera exists, or its file is invalid.
         """
         chair = read_chair(self.chair.model)
+        if self.chair.faces is not None:
+            chair = chair.model_copy(update={"faces": self.chair.faces})
         if self.sensors.camera_name == "kinect1":
             return chair
         device = read_camera(file_named(self.sensors.camera_name, CAMERAS))

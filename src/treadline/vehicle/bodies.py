@@ -13,7 +13,7 @@ import numpy as np
 from treadline.scenario.chair import ChairDescription, Flipper, Point, Seat, Tracks
 from treadline.scenario.scenario import Belts, Chair
 from treadline.vehicle.linkage import SeatLinkage
-from treadline.vehicle.tracks import pulley_centres, road_wheels
+from treadline.vehicle.tracks import Section, road_wheels, sections
 
 FLAT_THICKNESS_M = 0.025
 """Half thickness of a belt's box [m], less than the pulleys' diameter."""
@@ -77,23 +77,41 @@ class Vehicle:
     chassis: Body
     seat: Body
     """Seat with the payload, hinged to the chassis; or the payload alone, fixed to it."""
-    flipper: Body | None
+    flippers: tuple[Body, ...]
+    """Sections of the belts with a joint; the section that ``flipper`` commands is called ``flipper``, and is the first."""
 
     @property
     def turning(self) -> tuple[tuple[Body, Hinge], ...]:
-        """Hinged bodies with their hinges: seat and flipper, as far as present."""
+        """Hinged bodies with their hinges: seat and flippers, as far as present."""
         return tuple((body, body.hinge) for body in self.bodies if body.hinge is not None)
 
     @property
     def bodies(self) -> tuple[Body, ...]:
         """All bodies, the chassis first."""
-        return (self.chassis, self.seat) if self.flipper is None else (self.chassis, self.seat, self.flipper)
+        return (self.chassis, self.seat, *self.flippers)
 
 
 def vehicle(chair: ChairDescription, loading: Chair) -> Vehicle:
     """Return a chair with its payload as bodies."""
-    flipper = None if chair.flipper is None else _flipper(chair.tracks, chair.flipper)
-    return Vehicle(name=chair.name, chassis=_chassis(chair), seat=_seat(chair, loading), flipper=flipper)
+    flippers = [_flipper(section, section.motor) for section in sections(chair) if section.motor is not None]
+    return Vehicle(name=chair.name, chassis=_chassis(chair), seat=_seat(chair, loading), flippers=tuple(flippers))
+
+
+def flipper_turns(chair: ChairDescription, flipper_rad: float | None = None) -> dict[str, float]:
+    """Return the angle about B's y axis by which each section with a joint is turned, by the name of its body [rad].
+
+    Args:
+        chair: Chair.
+        flipper_rad: Angle of the commanded flipper; None: its rest angle.
+    """
+    angle = math.radians(chair.tracks.approach_angle_deg) if flipper_rad is None else flipper_rad
+    turning = (section for section in sections(chair) if section.motor is not None)
+    return {_body_name(section): section.zero_rad - section.direction_rad(angle) for section in turning}
+
+
+def _body_name(section: Section) -> str:
+    """Return the name of the body of a section with a joint."""
+    return "flipper" if section.name == "approach" else section.name
 
 
 def _chassis(chair: ChairDescription) -> Body:
@@ -106,7 +124,7 @@ def _chassis(chair: ChairDescription) -> Body:
         mass_kg=masses.chassis_kg,
         com_m=masses.chassis_com_m,
         inertia=_box_inertia(masses.chassis_kg, masses.chassis_size_m),
-        shapes=(*(shape for side, y_m in sides(chair.tracks) for shape in _belt(chair, side, y_m)), hull),
+        shapes=(*(shape for side in SIDES for shape in _belt(chair, side)), hull),
         wheels=tuple(wheel for side, y_m in sides(chair.tracks) for wheel in _wheels(chair.tracks, side, y_m)),
     )
 
@@ -138,25 +156,36 @@ def _seat_hinge(seat: Seat) -> Hinge:
     )
 
 
-def _flipper(tracks: Tracks, flipper: Flipper) -> Body:
-    """Return the approach sections of both belts as one body hinged at the front pulleys' axis."""
-    low, high = (math.radians(angle) for angle in flipper.range_deg)
-    across = flipper.mass_kg * tracks.gauge_m**2 / 4.0  # half the mass on either side
-    along = flipper.mass_kg * tracks.approach_m**2 / 12.0
-    rate_rad_s = math.radians(flipper.max_rate_deg_s)
+def _flipper(section: Section, motor: Flipper) -> Body:
+    """Return a section of both belts as one body hinged at its first axis; the axes of its frame are those of B at a zero joint."""
+    low, high = (math.radians(angle) for angle in motor.range_deg)
+    across = motor.mass_kg * section.gauge_m**2 / 4.0  # half the mass on either side
+    along = motor.mass_kg * section.length_m**2 / 12.0
+    c, s = math.cos(section.zero_rad), math.sin(section.zero_rad)
+    out_m, (x_m, z_m) = 0.5 * section.length_m, section.start_m
+    hinge = Hinge(
+        axis=(0.0, -section.raises, 0.0),
+        range_rad=(low, high),
+        max_rate_rad_s=math.radians(motor.max_rate_deg_s),
+        torque_n_m=motor.torque_n_m,
+    )
+    placed = replace(section, start_m=(0.0, 0.0), stays_rad=0.0, follows=False)
     return Body(
-        name="flipper",
+        name=_body_name(section),
         parent="chair",
-        origin_m=(0.5 * tracks.flat_run_m, 0.0, tracks.pulley_radius_m),
-        mass_kg=flipper.mass_kg,
-        com_m=(0.5 * tracks.approach_m, 0.0, 0.0),
-        inertia=(across, along, across + along),
-        hinge=Hinge(axis=(0.0, -1.0, 0.0), range_rad=(low, high), max_rate_rad_s=rate_rad_s, torque_n_m=flipper.torque_n_m),
-        shapes=tuple(shape for side, y_m in sides(tracks) for shape in _section(tracks, side, y_m)),
+        origin_m=(x_m, 0.0, z_m),
+        mass_kg=motor.mass_kg,
+        com_m=(out_m * c, 0.0, out_m * s),
+        # Moments of a rod, of which a quarter of a turn of the section exchanges the first and the last.
+        inertia=(across + along * s * s, along, across + along * c * c),
+        hinge=hinge,
+        shapes=tuple(shape for side in SIDES for shape in _section(placed, side)),
     )
 
 
 Side = Literal["left", "right"]
+SIDES: tuple[Side, Side] = ("left", "right")
+"""Sides of a chair."""
 
 
 def sides(tracks: Tracks) -> tuple[tuple[Side, float], tuple[Side, float]]:
@@ -164,24 +193,14 @@ def sides(tracks: Tracks) -> tuple[tuple[Side, float], tuple[Side, float]]:
     return ("left", 0.5 * tracks.gauge_m), ("right", -0.5 * tracks.gauge_m)
 
 
-def _belt(chair: ChairDescription, side: Side, y_m: float) -> list[Shape]:
-    """Return the parts of a belt fixed to the chassis."""
-    tracks = chair.tracks
-    half_run = 0.5 * tracks.flat_run_m
-    nose_x, _, nose_z = chair.nose_m
-    angle = math.radians(tracks.approach_angle_deg)
-    # The lower face of the approach lies one radius below the line between the pulley centres.
-    down = np.array([math.sin(angle), -math.cos(angle)]) * (tracks.pulley_radius_m - FLAT_THICKNESS_M)
-    middle = np.array([0.5 * (half_run + nose_x), 0.5 * (tracks.pulley_radius_m + nose_z)]) + down
-    rear, front, nose = (
-        _pulley(tracks, side, name, (x, y_m, z))
-        for name, (x, z) in zip(("rear", "front", "nose"), pulley_centres(chair).tolist(), strict=True)
+def _belt(chair: ChairDescription, side: Side) -> list[Shape]:
+    """Return the parts of a belt fixed to the chassis: both pulleys and the flat run, and sections without a joint."""
+    flat, *others = sections(chair)
+    rear, front = (
+        _pulley(flat, side, name, (x, flat.start_m[1]), 0) for name, x in (("rear", flat.start_m[0]), ("front", -flat.start_m[0]))
     )
-    flat = _run(tracks, f"{side}_flat", side, (0.0, y_m, FLAT_THICKNESS_M), tracks.flat_run_m)
-    centre = (float(middle[0]), y_m, float(middle[1]))
-    approach = _run(tracks, f"{side}_approach", side, centre, tracks.approach_m, angle)
-    bearing = [replace(part, meets="stair") for part in (rear, front, flat)]
-    return [*bearing[:2], nose, bearing[2], approach] if chair.flipper is None else bearing
+    bearing = [replace(part, meets="stair") for part in (rear, front, _run(flat, side))]
+    return [*bearing, *(shape for section in others if section.motor is None for shape in _section(section, side))]
 
 
 def _wheels(tracks: Tracks, side: Side, y_m: float) -> list[Shape]:
@@ -201,22 +220,44 @@ def _wheels(tracks: Tracks, side: Side, y_m: float) -> list[Shape]:
     ]
 
 
-def _section(tracks: Tracks, side: Side, y_m: float) -> list[Shape]:
-    """Return the parts of a belt on the flipper."""
-    length = tracks.approach_m
-    centre = (0.5 * length, y_m, FLAT_THICKNESS_M - tracks.pulley_radius_m)
-    return [_pulley(tracks, side, "nose", (length, y_m, 0.0)), _run(tracks, f"{side}_approach", side, centre, length)]
+def _section(section: Section, side: Side) -> list[Shape]:
+    """Return the parts of a section beyond the flat run: its last pulley and its straight part, and of a further one its first."""
+    if section.name == "approach":
+        return [_pulley(section, side, "nose", section.end_m(0.0), 1), _run(section, side)]
+    ends = (("axis", section.start_m), ("tip", section.end_m(0.0)))
+    pulleys = (_pulley(section, side, f"{section.name}_{end}", axis_m, number) for number, (end, axis_m) in enumerate(ends))
+    return [*pulleys, replace(_run(section, side), name=f"{side}_{section.name}_run")]
 
 
-def _run(tracks: Tracks, name: str, side: Side, centre_m: Point, length_m: float, nose_up_rad: float = 0.0) -> Shape:
-    """Return the box of a straight part of a belt."""
-    half_m = (0.5 * length_m, 0.5 * tracks.belt_width_m, FLAT_THICKNESS_M)
-    return Shape(name=name, kind="box", centre_m=centre_m, half_m=half_m, nose_up_rad=nose_up_rad, belt=side)
+def _run(section: Section, side: Side) -> Shape:
+    """Return the box of the straight part of a belt, whose lower face touches both pulleys."""
+    (x, z), (end_x, end_z), direction, radii = section.start_m, section.end_m(0.0), section.direction_rad(0.0), section.radii_m
+    # Along B's x: a section that points rearward begins at its end.
+    ahead_rad, (behind, before) = (direction, radii) if section.raises > 0.0 else (direction - math.pi, radii[::-1])
+    tilt = math.asin((behind - before) / section.length_m)
+    nose_up_rad = ahead_rad + tilt
+    down_m = 0.5 * (behind + before) - FLAT_THICKNESS_M
+    centre = (0.5 * (x + end_x) + down_m * math.sin(nose_up_rad), 0.5 * (z + end_z) - down_m * math.cos(nose_up_rad))
+    return Shape(
+        name=f"{side}_{section.name}",
+        kind="box",
+        centre_m=(centre[0], _aside_m(section, side), centre[1]),
+        half_m=(0.5 * section.length_m * math.cos(tilt), 0.5 * section.width_m, FLAT_THICKNESS_M),
+        nose_up_rad=nose_up_rad,
+        belt=side,
+    )
 
 
-def _pulley(tracks: Tracks, side: Side, name: str, centre_m: Point) -> Shape:
-    r = tracks.pulley_radius_m
-    return Shape(name=f"{side}_{name}", kind="cylinder", centre_m=centre_m, half_m=(r, 0.5 * tracks.belt_width_m, r), belt=side)
+def _pulley(section: Section, side: Side, name: str, axis_m: tuple[float, float], end: int) -> Shape:
+    """Return a pulley at the first or last end of a section."""
+    r, (x, z) = section.radii_m[end], axis_m
+    half_m = (r, 0.5 * section.width_m, r)
+    return Shape(name=f"{side}_{name}", kind="cylinder", centre_m=(x, _aside_m(section, side), z), half_m=half_m, belt=side)
+
+
+def _aside_m(section: Section, side: Side) -> float:
+    """Return the lateral position of a section's centre line [m]."""
+    return 0.5 * section.gauge_m if side == "left" else -0.5 * section.gauge_m
 
 
 def _box_inertia(mass_kg: float, size_m: tuple[float, float, float]) -> Point:
@@ -230,10 +271,12 @@ def _half(size_m: tuple[float, float, float]) -> Point:
     return 0.5 * a, 0.5 * b, 0.5 * c
 
 
-def oversized_lugs(belts: Belts, tracks: Tracks) -> str | None:
-    """Return why the lugs are too large for the chair's pulleys, or None."""
+def oversized_lugs(belts: Belts, chair: ChairDescription) -> str | None:
+    """Return why the chair's belts cannot have such lugs, or None."""
     # The belt solid of 0.05 m shrinks by the lug height.
-    height, most = belts.measures_m[0], min(0.5 * tracks.pulley_radius_m, 0.04)
+    tracks, height, most = chair.tracks, belts.measures_m[0], min(0.5 * chair.tracks.pulley_radius_m, 0.04)
+    if height > 0.0 and (chair.belt or tracks.nose_radius_m is not None):
+        return f"belts.height_m is {height:.3f}: lugs run over flat run and approach alone, on pulleys of one radius; leave it out"
     if height <= most:
         return None
     return (
@@ -244,7 +287,7 @@ def oversized_lugs(belts: Belts, tracks: Tracks) -> str | None:
 
 def payload_com(chair: ChairDescription, loading: Chair) -> Point:
     """Return the payload's centre of mass in the payload's frame, which turns with the seat [m]."""
-    (x, y, z), (dx, dy, dz) = chair.payload_com_m, loading.payload_offset_m
+    (x, y, z), (dx, dy, dz) = chair.payload_com_m, chair.in_chair(loading.payload_offset_m)
     return (x + dx, y + dy, z + dz)
 
 
@@ -269,11 +312,8 @@ def centre_of_mass(chair: ChairDescription, loading: Chair, seat_angle_rad: floa
     Args:
         flipper_angle_rad: Angle of the flipper; None: its rest angle.
     """
-    seat_kg, chassis_kg = chair.empty_seat_kg + loading.payload_kg, chair.masses.chassis_kg
-    payload = payload_place(chair, loading, seat_angle_rad)
-    chassis = chair.masses.chassis_com_m
-    if chair.flipper is not None:
-        chassis_kg, chassis = _with_flipper(chair, chair.flipper, flipper_angle_rad)
+    seat_kg, payload = chair.empty_seat_kg + loading.payload_kg, payload_place(chair, loading, seat_angle_rad)
+    chassis_kg, chassis = _with_flippers(chair, flipper_angle_rad)
     total = chassis_kg + seat_kg
     return (
         (chassis_kg * chassis[0] + seat_kg * payload[0]) / total,
@@ -282,16 +322,13 @@ def centre_of_mass(chair: ChairDescription, loading: Chair, seat_angle_rad: floa
     )
 
 
-def _with_flipper(chair: ChairDescription, flipper: Flipper, angle_rad: float | None) -> tuple[float, Point]:
-    """Return mass and centre of mass of chassis and flipper together."""
-    tracks, (x, y, z), chassis_kg = chair.tracks, chair.masses.chassis_com_m, chair.masses.chassis_kg
-    angle = math.radians(tracks.approach_angle_deg) if angle_rad is None else angle_rad
-    out = 0.5 * tracks.approach_m
-    flipper_x = 0.5 * tracks.flat_run_m + out * math.cos(angle)
-    flipper_z = tracks.pulley_radius_m + out * math.sin(angle)
-    total = chassis_kg + flipper.mass_kg
-    return total, (
-        (chassis_kg * x + flipper.mass_kg * flipper_x) / total,
-        chassis_kg * y / total,
-        (chassis_kg * z + flipper.mass_kg * flipper_z) / total,
-    )
+def _with_flippers(chair: ChairDescription, angle_rad: float | None) -> tuple[float, Point]:
+    """Return mass and centre of mass of chassis and flippers together."""
+    angle = math.radians(chair.tracks.approach_angle_deg) if angle_rad is None else angle_rad
+    total = chair.masses.chassis_kg
+    x, y, z = (total * place for place in chair.masses.chassis_com_m)
+    for section in sections(chair):
+        if section.motor is not None:
+            (start_x, start_z), (end_x, end_z), kg = section.start_m, section.end_m(angle), section.motor.mass_kg
+            total, x, z = total + kg, x + 0.5 * kg * (start_x + end_x), z + 0.5 * kg * (start_z + end_z)
+    return total, (x / total, y / total, z / total)

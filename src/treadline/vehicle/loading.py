@@ -8,6 +8,7 @@ import math
 from dataclasses import dataclass
 
 from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription
+from treadline.vehicle.tracks import sections
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,8 +26,7 @@ class Loading:
     @property
     def weight_n(self) -> float:
         """Weight of chair and payload [N]."""
-        flipper_kg = 0.0 if self.chair.flipper is None else self.chair.flipper.mass_kg
-        return GRAVITY_M_S2 * (self.chair.masses.chassis_kg + flipper_kg + self.seat_kg)
+        return GRAVITY_M_S2 * (self.chair.masses.chassis_kg + self.chair.flippers_kg + self.seat_kg)
 
 
 def centre_of_mass_level(loading: Loading, pitch_rad: float) -> tuple[float, float]:
@@ -36,11 +36,11 @@ def centre_of_mass_level(loading: Loading, pitch_rad: float) -> tuple[float, flo
     c, s = math.cos(seat_rad), math.sin(seat_rad)
     (hx, _, hz), (px, _, pz) = chair.payload_origin_m, chair.payload_com_m
     chassis, (cx, _, cz) = chair.masses.chassis_kg, chair.masses.chassis_com_m
-    # The flipper reaches ahead and down, its own centre not far from its axis when the plumb line passes the nosing.
-    flipper, pivot = 0.0 if chair.flipper is None else chair.flipper.mass_kg, 0.5 * chair.tracks.flat_run_m
-    total = chassis + flipper + loading.seat_kg
-    x = (chassis * cx + flipper * pivot + loading.seat_kg * (hx + c * px + s * pz)) / total
-    z = (chassis * cz + flipper * chair.tracks.pulley_radius_m + loading.seat_kg * (hz - s * px + c * pz)) / total
+    # A flipper's own centre is not far from its axis when the plumb line passes the nosing.
+    parts = [(part.motor.mass_kg, *part.start_m) for part in sections(chair) if part.motor is not None]
+    parts += [(chassis, cx, cz), (loading.seat_kg, hx + c * px + s * pz, hz - s * px + c * pz)]
+    total = sum(kg for kg, _, _ in parts)
+    x, z = (sum(part[0] * part[axis] for part in parts) / total for axis in (1, 2))
     return x, z
 
 

@@ -13,9 +13,10 @@ import numpy as np
 from treadline.core.kernel_cache import njit
 from treadline.scenario.chair import GRAVITY_M_S2
 
-PART = ("x_m", "z_m", "length_m", "radius_m", "offset_rad", "sign", "joint")
-"""Columns of a part: a capsule from a point in B over a length, at ``offset + sign · angle of its joint`` to the flat run; joint -1
-for a part that does not move. Parts that do not move come first."""
+PART = ("x_m", "z_m", "length_m", "radius_m", "end_radius_m", "offset_rad", "sign", "joint", "motor")
+"""Columns of a part: a tapered capsule from a point in B over a length, with radii at its two ends, at ``offset + sign · angle``
+to the flat run, by the angle of its joint, and the motor that bears it; joint -1 for a part that does not move. Parts that do not
+move come first. Several parts may follow one joint, each by a motor of its own."""
 MASS = ("kg", "x_m", "z_m", "part", "", "", "")
 """Columns of a mass: its place in B with part -1, or on the axis of a part at a distance from its start. The last row is the seat
 with its load: kg, hinge (x, z), place from the hinge (x, z), and the range of its angle [rad]."""
@@ -42,14 +43,15 @@ def posture(angles: Any, parts: Any, masses: Any) -> tuple[Any, Any]:
     """Return the axes of the capsules in B at the joints' angles, and what weighs.
 
     Returns:
-        Rows (start x, z, end x, z, radius, joint), and (kg, x, z of all that turns with the chassis; kg, hinge x, z, place x, z of
-        the seat; range of its angle).
+        Rows (start x, z, end x, z, radius at the start and at the end, motor), and (kg, x, z of all that turns with the chassis;
+        kg, hinge x, z, place x, z of the seat; range of its angle).
     """
-    body, weighs = np.empty((parts.shape[0], 6)), np.zeros(10)
+    body, weighs = np.empty((parts.shape[0], 7)), np.zeros(10)
     for k in range(parts.shape[0]):
-        joint = int(parts[k, 6])
-        turn = parts[k, 4] + (parts[k, 5] * angles[joint] if joint >= 0 else 0.0)
-        body[k, 0], body[k, 1], body[k, 4], body[k, 5] = parts[k, 0], parts[k, 1], parts[k, 3], parts[k, 6]
+        joint = int(parts[k, 7])
+        turn = parts[k, 5] + (parts[k, 6] * angles[joint] if joint >= 0 else 0.0)
+        body[k, 0], body[k, 1], body[k, 4], body[k, 5] = parts[k, 0], parts[k, 1], parts[k, 3], parts[k, 4]
+        body[k, 6] = parts[k, 8] if joint >= 0 else -1.0
         body[k, 2] = parts[k, 0] + parts[k, 2] * math.cos(turn)
         body[k, 3] = parts[k, 1] + parts[k, 2] * math.sin(turn)
     last = masses.shape[0] - 1
@@ -85,14 +87,18 @@ def contact(
     top, cx, cz, slope, on = -1e9, 0.0, 0.0, 0.0, -1
     n = ground.shape[0]
     for k in range(used):
-        r = body[k, 4]
+        ra, rb = body[k, 4], body[k, 5]
         ax, az = x + c * body[k, 0] - s * body[k, 1], s * body[k, 0] + c * body[k, 1]
         bx, bz = x + c * body[k, 2] - s * body[k, 3], s * body[k, 2] + c * body[k, 3]
         if bx < ax:
-            ax, az, bx, bz = bx, bz, ax, az
+            ax, az, bx, bz, ra, rb = bx, bz, ax, az, rb, ra
         wide, high = bx - ax, bz - az
         length = math.hypot(wide, high)
-        dx, dz = wide / length, high / length
+        # Normal of the straight part below, which touches both circles: nx (bx - ax) + nz (bz - az) = ra - rb.
+        tilt = min(max((ra - rb) / length, -1.0), 1.0)
+        level = math.sqrt(1.0 - tilt * tilt)
+        nx, nz = (level * high + tilt * wide) / length, (tilt * high - level * wide) / length
+        r = max(ra, rb)
         first, behind = 0, n
         while first < behind:
             mid = (first + behind) // 2
@@ -103,15 +109,17 @@ def contact(
         i = max(first - 2, 0)
         while i < n and ground[i, 0] <= bx + r:
             rho = ground[i, 2]
-            gx, gz, reach = ground[i, 0] + rho, ground[i, 1] - rho, r + rho
-            d = gx - ax - reach * dz
-            if dx > 1e-9 and 0.0 <= d <= wide:  # below the straight part
-                up = gz - az - d * dz / dx + reach * dx
+            gx, gz = ground[i, 0] + rho, ground[i, 1] - rho
+            up = along = -1.0
+            if nz < -1e-9:
+                up = (nx * (gx - ax) + nz * (gz - az) - ra - rho) / nz
+                along = -nz * (gx - ax) + nx * (gz - az - up)
+            if 0.0 <= along <= level * length:  # below the straight part
                 if up > top:
-                    top, cx, cz, slope, on = up, gx - rho * dz, gz + rho * dx, dz / dx, k
+                    top, cx, cz, slope, on = up, gx - rho * nx, gz - rho * nz, -nx / nz, k
             else:
                 for e in range(2):
-                    ex, ez = (ax, az) if e == 0 else (bx, bz)
+                    ex, ez, reach = (ax, az, ra + rho) if e == 0 else (bx, bz, rb + rho)
                     off = gx - ex
                     if abs(off) < reach:
                         drop = math.sqrt(reach * reach - off * off)
@@ -122,11 +130,11 @@ def contact(
                 m = (ground[i + 1, 1] - ground[i, 1]) / (ground[i + 1, 0] - ground[i, 0])
                 root = math.sqrt(1.0 + m * m)
                 for e in range(2):
-                    ex, ez = (ax, az) if e == 0 else (bx, bz)
-                    tx = ex + r * m / root
+                    ex, ez, re = (ax, az, ra) if e == 0 else (bx, bz, rb)
+                    tx = ex + re * m / root
                     if gx <= tx <= ground[i + 1, 0]:
                         tz = ground[i, 1] + m * (tx - ground[i, 0])
-                        up = tz + r / root - ez
+                        up = tz + re / root - ez
                         if up > top:
                             top, cx, cz, slope, on = up, tx, tz, m, k
             i += 1
@@ -211,11 +219,12 @@ def describe(th: float, x: float, angles: Any, parts: Any, masses: Any, ground: 
     """Write what holds at the rest pose nearest to a pitch, and return whether there is one.
 
     Args:
-        torques: Torque of each joint's motor [N m].
+        torques: Torque of each motor [N m].
         out: Pitch, height of B's origin, centre of mass (x, z), front contact (x, z), rear contact (x, z), share of the weight at
             the front contact, slopes of the ground at both contacts, margin to the front and to the rear [rad], parts at both
-            contacts; and for each joint the torque by which the ground turns it up [N m]. Belts hold the chair against the slope
-            with the same share of friction at both contacts: a tip that reaches far down bears more torque than its load alone has.
+            contacts; and for each motor the torque by which the ground turns its part up [N m]. Belts hold the chair against the
+            slope with the same share of friction at both contacts: a tip that reaches far down bears more torque than its load
+            alone has.
     """
     body, weighs = posture(angles, parts, masses)
     used = body.shape[0]
@@ -237,10 +246,12 @@ def describe(th: float, x: float, angles: Any, parts: Any, masses: Any, ground: 
     for which in range(2):
         at, borne = (front, share) if which == 0 else (rear, 1.0 - share)
         part = at[6]
-        if body[part, 5] >= 0.0:
+        if body[part, 6] >= 0.0:
             ahead = at[3] - _axis(part, low, x, body)
             below = front[7] + math.sin(low) * body[part, 0] + math.cos(low) * body[part, 1] - at[4]
-            out[15 + int(body[part, 5])] += borne * weight_n * (ahead + (holds - at[5]) * below)
+            # A part that points rearward is turned up by what is behind its axis.
+            out_ahead = 1.0 if body[part, 2] >= body[part, 0] else -1.0
+            out[15 + int(body[part, 6])] += borne * weight_n * out_ahead * (ahead + (holds - at[5]) * below)
     return True
 
 
@@ -260,7 +271,7 @@ def _margin(
     goes, from the last ground under the parts that do not move.
     """
     fixed = 0
-    while fixed < body.shape[0] and body[fixed, 5] < 0.0:
+    while fixed < body.shape[0] and body[fixed, 6] < 0.0:
         fixed += 1
     held = contact(turned, x, body, weighs, ground, fixed)
     last, low = far[3], far[4]
@@ -272,10 +283,10 @@ def _margin(
         at = near if which == 0 else edge
         if at[6] < 0:
             continue
-        place, high, joint = at[3], at[4], int(body[at[6], 5])
-        if joint >= 0:
+        place, high, motor = at[3], at[4], int(body[at[6], 6])
+        if motor >= 0:
             lever = abs(place - _axis(at[6], th, x, body))
-            borne = min(torques[joint] / max(GRAVITY_M_S2 * (weighs[0] + weighs[3]) * lever, 1e-9), 1.0)
+            borne = min(torques[motor] / max(GRAVITY_M_S2 * (weighs[0] + weighs[3]) * lever, 1e-9), 1.0)
             place, high = last + borne * (place - last), low + borne * (high - low)
         if way * (place - most) > 0.0:
             most, height = place, high

@@ -13,11 +13,11 @@ from functools import cache
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.angles import DEG
 from treadline.core.errors import MechanicsError
 from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription, Point, Seat
 from treadline.vehicle.linkage import SeatLinkage
 from treadline.vehicle.rest_pose_kernels import BLOCKED, JUMP_RAD, describe, follow, posture, settle
+from treadline.vehicle.tracks import Section, sections
 
 Ground = Float[np.ndarray, "v 3"]
 """Vertices of the ground: place along the drive [m], height [m], radius of a rounded nosing [m] (``GroundProfile.vertices``)."""
@@ -54,7 +54,7 @@ class RestPose:
     parts: tuple[int, int]
     """Parts of the chair at the front and the rear contact."""
     torques_n_m: tuple[float, ...]
-    """Torque with which the ground turns each joint away [N m]."""
+    """Torque with which the ground turns the part of each motor away [N m]."""
 
     @property
     def pivot_m(self) -> tuple[float, float]:
@@ -82,12 +82,12 @@ class Fall:
 class RestChair:
     """Chair in the vertical plane: capsules, masses, and the motors of its joints."""
 
-    parts: Float[np.ndarray, "k 7"]
+    parts: Float[np.ndarray, "k 9"]
     """Capsules, by ``rest_pose_kernels.PART``."""
     masses: Float[np.ndarray, "m 7"]
     """Masses, by ``rest_pose_kernels.MASS``."""
     torques_n_m: Float[np.ndarray, " j"]
-    """Torque of each joint's motor [N m]; infinite where the joint is fixed."""
+    """Torque of each motor [N m], that of the flipper first; several may turn with one joint."""
 
     @property
     def weight_n(self) -> float:
@@ -183,27 +183,35 @@ def rest_chair(
 
     Args:
         payload_kg: Mass of the payload.
-        offset_m: Payload's centre of mass off its nominal place.
+        offset_m: Payload's centre of mass off its nominal place, in B.
         seat_shift_m: Shift of the seat along the chair.
     """
-    tracks, flipper, seat = chair.tracks, chair.flipper, chair.seat
-    half_m, radius_m = 0.5 * tracks.flat_run_m, tracks.pulley_radius_m
-    nose_rad, joint = (tracks.approach_angle_deg * DEG, -1.0) if flipper is None else (0.0, 0.0)
-    parts = [
-        (-half_m, radius_m, tracks.flat_run_m, radius_m, 0.0, 0.0, -1.0),
-        (half_m, radius_m, tracks.approach_m, radius_m, nose_rad, 1.0, joint),
-    ]
+    seat, known = chair.seat, sorted(sections(chair), key=lambda section: section.follows)
+    torques: list[float] = []
+    parts = []
+    for section in known:
+        parts.append((*section.start_m, section.length_m, *section.radii_m, *_turning(section, len(torques))))
+        torques += [section.motor.torque_n_m] if section.follows and section.motor is not None else []
     chassis_x, _, chassis_z = chair.masses.chassis_com_m
     masses = [(chair.masses.chassis_kg, chassis_x, chassis_z, -1.0, 0.0, 0.0, 0.0)]
-    if flipper is not None:
-        masses.append((flipper.mass_kg, 0.5 * tracks.approach_m, 0.0, 1.0, 0.0, 0.0, 0.0))
+    masses += [
+        (section.motor.mass_kg, 0.5 * section.length_m, 0.0, float(number), 0.0, 0.0, 0.0)
+        for number, section in enumerate(known)
+        if section.motor is not None
+    ]
     (hinge_x, _, hinge_z), (out_x, _, out_z) = chair.payload_origin_m, chair.payload_com_m
     low_rad, high_rad = (0.0, 0.0) if seat is None else _range_of(seat)
     shift_m = 0.0 if seat is None else seat_shift_m
     place = (hinge_x + shift_m, hinge_z, out_x + offset_m[0], out_z + offset_m[2])
     masses.append((chair.empty_seat_kg + payload_kg, *place, low_rad, high_rad))
-    torque = 0.0 if flipper is None else flipper.torque_n_m
-    return RestChair(parts=np.array(parts), masses=np.array(masses), torques_n_m=np.array([torque]))
+    return RestChair(parts=np.array(parts), masses=np.array(masses), torques_n_m=np.array(torques or [0.0]))
+
+
+def _turning(section: Section, motor: int) -> tuple[float, float, float, float]:
+    """Return direction, sign, joint and motor of a section, the last columns of its part."""
+    if section.follows:
+        return section.zero_rad, section.raises, 0.0, float(motor)
+    return section.direction_rad(0.0), 0.0, -1.0, -1.0
 
 
 @cache

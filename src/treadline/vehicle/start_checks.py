@@ -6,6 +6,7 @@ appear up to 0.4 pulley radii too near.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +18,7 @@ from treadline.core.rotations import Rotation, Vector3, rotation_y
 from treadline.scenario.chair import ChairDescription, Tracks
 from treadline.scenario.scenario import Scenario
 from treadline.vehicle._start_view import StartView
-from treadline.vehicle.bodies import Vehicle, vehicle
+from treadline.vehicle.bodies import Vehicle, flipper_turns, vehicle
 from treadline.vehicle.stair_solids import Box, stair_boxes, stair_solids
 from treadline.vehicle.staircase import Staircase, as_designed
 from treadline.vehicle.start_pose import CLEARANCE_M, LANDING_LEAST_M, Standing, from_edge_m, length_m, rounded_off_m, standing
@@ -98,7 +99,7 @@ def _stands(scenario: Scenario, tracks: Tracks) -> bool:
 def _overlapping(scenario: Scenario, chair: ChairDescription, staircase: Staircase) -> str | None:
     """Return which part of the chair would start in a wall, a step or the floor, and how deep."""
     start = standing(staircase, chair.tracks, scenario.start)
-    parts = placed_parts(vehicle(chair, scenario.chair.entered), start, chair.tracks.approach_angle_deg * DEG)
+    parts = placed_parts(vehicle(chair, scenario.chair.entered), start, flipper_turns(chair))
     found = deepest_overlap(parts, staircase)
     if found is None or found.depth_m <= SUNK_M:
         return None
@@ -226,9 +227,9 @@ def _over_the_landings_end(scenario: Scenario, chair: ChairDescription) -> str |
     )
 
 
-def placed_parts(chair: Vehicle, start: Standing, flipper_rad: float) -> tuple[PlacedPart, ...]:
-    """Return the chair's shapes at its start pose."""
-    turned = {"seat": rotation_y(start.seat_rad), "flipper": rotation_y(-flipper_rad)}
+def placed_parts(chair: Vehicle, start: Standing, turns_rad: Mapping[str, float]) -> tuple[PlacedPart, ...]:
+    """Return the chair's shapes at its start pose, its flippers turned as ``flipper_turns`` says."""
+    turned = {name: rotation_y(angle_rad) for name, angle_rad in {"seat": start.seat_rad, **turns_rad}.items()}
     return tuple(
         PlacedPart(
             name=shape.name,

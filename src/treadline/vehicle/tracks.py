@@ -1,15 +1,96 @@
-"""Tracks: pulleys, road wheels, length on the nosings, minimum track length.
+"""Tracks: sections of the belts, pulleys, road wheels, length on the nosings, minimum track length.
 
 Paper: Section II.A, Fig. 3(b). "Wheelchair tracks must be in contact with at least two stair edges": L > 2√(h² + w²).
 """
 
 import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 
+from treadline.core.angles import DEG
 from treadline.core.errors import MechanicsError
-from treadline.scenario.chair import ChairDescription, Tracks
+from treadline.scenario.chair import BeltSection, ChairDescription, Flipper, Tracks
+
+IN_LINE_M = 0.005
+"""Height of a section's lower face above that of the flat run up to which it bears with it [m]: half a nosing's radius."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Section:
+    """Section of the belts of both sides, between two axes."""
+
+    name: str
+    start_m: tuple[float, float]
+    """Axis of its first pulley in B, forward and up; its joint, if it has one."""
+    length_m: float
+    """Distance of its axes."""
+    radii_m: tuple[float, float]
+    """Radii of its first and last pulley."""
+    gauge_m: float
+    width_m: float
+    zero_rad: float = 0.0
+    """Direction of its end from its start above B's x axis, with the joint at zero [rad]."""
+    raises: float = 1.0
+    """Sign with which raising its end turns that direction: -1 where it points rearward."""
+    stays_rad: float = 0.0
+    """Angle of a section that does not follow the flipper's [rad]."""
+    motor: Flipper | None = None
+    """Motor of its joint; None: fixed to the chassis."""
+    follows: bool = False
+    """Whether its joint turns as the flipper does."""
+
+    def direction_rad(self, flipper_rad: float) -> float:
+        """Return the direction of its end from its start above B's x axis at an angle of the flipper [rad]."""
+        return self.zero_rad + self.raises * (flipper_rad if self.follows else self.stays_rad)
+
+    def end_m(self, flipper_rad: float) -> tuple[float, float]:
+        """Return the axis of its last pulley in B, forward and up [m]."""
+        direction = self.direction_rad(flipper_rad)
+        return self.start_m[0] + self.length_m * math.cos(direction), self.start_m[1] + self.length_m * math.sin(direction)
+
+
+def sections(chair: ChairDescription) -> tuple[Section, ...]:
+    """Return the sections of a chair's belts: the flat run, the approach, which a flipper's motor turns, and all further ones."""
+    tracks, flipper = chair.tracks, chair.flipper
+    half_m, radius_m = 0.5 * tracks.flat_run_m, tracks.pulley_radius_m
+    flat = Section(
+        name="flat",
+        start_m=(-half_m, radius_m),
+        length_m=tracks.flat_run_m,
+        radii_m=(radius_m, radius_m),
+        gauge_m=tracks.gauge_m,
+        width_m=tracks.belt_width_m,
+    )
+    approach = replace(
+        flat,
+        name="approach",
+        start_m=(half_m, radius_m),
+        length_m=tracks.approach_m,
+        radii_m=(radius_m, tracks.nose_radius_m or radius_m),
+        stays_rad=tracks.approach_angle_deg * DEG,
+        motor=flipper,
+        follows=flipper is not None,
+    )
+    return (flat, approach, *(_further(section, tracks) for section in chair.belt))
+
+
+def _further(section: BeltSection, tracks: Tracks) -> Section:
+    ahead_m, up_m = (end - start for start, end in zip(section.start_m, section.end_m, strict=True))
+    return Section(
+        name=section.name,
+        start_m=section.start_m,
+        length_m=section.length_m,
+        radii_m=section.radii_m,
+        gauge_m=section.gauge_m or tracks.gauge_m,
+        width_m=section.width_m or tracks.belt_width_m,
+        zero_rad=math.atan2(up_m, ahead_m),
+        raises=math.copysign(1.0, ahead_m),
+        stays_rad=section.angle_deg * DEG,
+        motor=section.flipper,
+        follows=section.follows,
+    )
 
 
 def minimum_track_length(rise_m: float, run_m: float) -> float:
@@ -57,4 +138,14 @@ def track_on_stair_m(chair: ChairDescription) -> float:
     """
     tracks = chair.tracks
     is_in_line = chair.flipper is not None or tracks.approach_angle_deg == 0.0
-    return tracks.flat_run_m + (tracks.approach_m if is_in_line else 0.0)
+    return bearing_m(chair) + (tracks.approach_m if is_in_line else 0.0)
+
+
+def bearing_m(chair: ChairDescription) -> float:
+    """Return the length between the first and the last axis of the sections that bear in line with the flat run [m]."""
+    places = []
+    for section in sections(chair):
+        axes = section.start_m, section.end_m(0.0)
+        if not section.follows and all(abs(z - r) < IN_LINE_M for (_, z), r in zip(axes, section.radii_m, strict=True)):
+            places += [x for x, _ in axes]
+    return max(places) - min(places)

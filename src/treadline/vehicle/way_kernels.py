@@ -164,7 +164,10 @@ def _describe(
     state[0] = np.inf
     if not describe(th, x, angle, parts, masses, ground, torques, out):
         return
-    torque, grip, drop = max(out[15], 0.0), abs(out[8] * out[9] + (1.0 - out[8]) * out[10]), 0.0
+    grip, drop, torque = abs(out[8] * out[9] + (1.0 - out[8]) * out[10]), 0.0, 0.0
+    for motor in range(torques.size):  # the share of the motor that bears most, as a torque of the first
+        if torques[motor] > 0.0:
+            torque = max(torque, out[15 + motor] * torques[0] / torques[motor])
     if torque > limits[4] or grip > limits[1]:
         return
     for side in range(2):

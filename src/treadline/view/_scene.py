@@ -250,7 +250,7 @@ class SceneView:
         for node in self._planes.values():
             node.visible = shows["planes"]
         for node in self._chair.passenger:
-            node.visible, node.position = shows["passenger"], shift_m
+            node.visible, node.position = shows["passenger"], run.chair.in_chair(shift_m)
         show_arrows(self._forces, *self._belt_forces(run, k), NEWTON_PER_M, visible=shows["forces"])
         for arrows, of in ((self._contacts, feed), (self._ghost_contacts, None if fork is None else fork.feed)):
             found = None if of is None else of.contacts_at(t_s)
@@ -262,7 +262,7 @@ class SceneView:
         seat_rad, flipper_rad = float(run.seat_rad[k]), float(run.flipper_rad[k])
         poses = body_poses(run.chair, self._feed.order.scenario.chair, seat_rad, flipper_rad)
         for name, frame in body.frames.items():
-            X_BK = poses[name]  # type: ignore[index]
+            X_BK = poses[name]
             frame.position, frame.wxyz = X_BK[:3, 3], quaternion_of(X_BK[:3, :3])
         if body.lugs is not None:
             left_m, right_m = run.belt_travel_m[k].tolist()

@@ -90,24 +90,13 @@ def _opened(path: Path, depth: Path | None, options: FrameOptions) -> FrameSourc
     endings = {item.suffix for item in path.iterdir()} if path.is_dir() else {path.suffix.lower()}
     if not endings.isdisjoint(BAG_SUFFIXES):
         from treadline.io.frames._recorded_frames import FramesOfLog
+        from treadline.io.runs import chair_of_folder
 
-        return FramesOfLog(path, replace(options, mount=_mount_of_run(path)))
+        chair = chair_of_folder(path)
+        return FramesOfLog(path, replace(options, mount=None if chair is None else chair.camera_at()))
     if options.topic is not None:
         raise SettingsError(f"--topic is of logs; {path} is none")
     return _folder(path, options) if path.is_dir() else _depth_image(path, options)
-
-
-def _mount_of_run(source: Path) -> PinholeCamera | None:
-    """Return the camera of the chair that made a run folder; None for other inputs."""
-    from treadline.core.files import read_json
-    from treadline.io.runs import LOG, MANIFEST
-    from treadline.scenario.scenario import chair_of_run
-
-    where = (source.parent if source.name == LOG else source) / MANIFEST
-    if not where.is_file():
-        return None
-    settings = read_json(where).get("settings")
-    return chair_of_run(settings, f"{where}: settings").camera_at() if isinstance(settings, dict) else None
 
 
 def _folder(path: Path, options: FrameOptions) -> FrameSource:

@@ -161,11 +161,16 @@ def _refuse_what_gazebo_cannot(scenario: Scenario, chair: ChairDescription) -> N
     """Reject what this plant would ignore.
 
     Raises:
-        SettingsError: If the chair has no seat linkage, belts have lugs, the passenger sways, or friction is not uniform.
+        SettingsError: If the chair has no seat linkage or further belts, belts have lugs, the passenger sways, or friction is not
+            uniform.
     """
     stair = scenario.stair
     if chair.seat is None:
         raise SettingsError(f"chair {chair.name!r} has no seat linkage, whose joint the Gazebo plugin drives; use --plant mujoco")
+    if chair.belt:
+        raise SettingsError(
+            f"chair {chair.name!r} has [[belt]] sections; Gazebo's plugin drives one pair of flippers; use --plant mujoco"
+        )
     if scenario.belts != Belts():
         raise SettingsError("the Gazebo plant has smooth belts of its own stiffness; leave out [belts], or use MuJoCo's plant")
     if stair.side_slope_deg:

@@ -77,7 +77,6 @@ def model_xml(
         pairs=[(name, belt) for name, kind in touched for belt in belts if belt.meets in (kind, "both")] if paired else (),
         friction=friction,
         chair=parts,
-        flipper=chair.flipper,
         physics=physics,
         start=start,
         seat_servo=None if parts.seat.hinge is None else seat_stiffness(parts.seat),

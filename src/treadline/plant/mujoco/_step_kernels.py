@@ -13,11 +13,13 @@ from treadline.plant._actuator_lag_and_slew_kernels import (
     FLIPPER_LOST,
     FLIPPER_RATE,
     FLIPPER_TARGET,
+    FOLLOWS,
     LEFT,
     POWER_CUT,
     RIGHT,
     SEAT_ANGLE,
     STALLED,
+    STAYS,
     STROKE,
     act,
 )
@@ -25,7 +27,7 @@ from treadline.plant._motors_and_battery_kernels import CHARGE, limit_belts, lim
 from treadline.plant._motors_and_battery_kernels import POWER as ELECTRIC_POWER
 from treadline.plant._motors_and_battery_kernels import TRACTION as CONTACT_FORCE
 from treadline.plant.mujoco.contact._coulomb_kernels import add_traction, normal_force, solve_contacts, turn_contacts, weaken
-from treadline.plant.mujoco.contact._rubber_lug_kernels import APPROACH, FLAT, PARTS, follow_lugs
+from treadline.plant.mujoco.contact._rubber_lug_kernels import follow_lugs
 from treadline.plant.sensors._pose_kernels import rotation
 
 _STAGE = types.void(types.uintp, types.uintp)
@@ -60,8 +62,8 @@ NO_SUPPORT_M = -1e3
 """Reach of a chair without contact [m]."""
 SEAT_QPOS = 7
 """Place of the seat among MuJoCo's positions, after the chassis' free joint."""
-LAST = -1
-"""Place of the flipper among MuJoCo's positions, velocities and actuators: the last joint, with a seat before it or without."""
+FLIPPER_QPOS, FLIPPER_QVEL = 7, 6
+"""Places of the first flipper among MuJoCo's positions and velocities on a chair without a seat, which takes the first of them."""
 # Sway of the passenger: phase, angular frequency [rad/s], time step [s], moving mass [kg], amplitudes forward and left [m], and
 # rest position [m].
 SWAY_PHASE, SWAY_OMEGA, SWAY_STEP, SWAY_KG, SWAY_AMPLITUDE, SWAY_REST = 0, 1, 2, 3, 4, 6
@@ -151,12 +153,11 @@ def advance(
         command: left, right [m/s], brake (0 or 1), stroke rate [m/s], flipper rate [rad/s].
         drives: speed limit, lag blend, speed step, brake step, seat blend, seat rate limit.
         state: actuator state, rows as in ``_actuator_lag_and_slew_kernels``; changed in place.
-        belts_of: geom ids as (side, rear front nose flat approach wheels).
-        radius: distance of pulley and wheel contacts from their axis.
+        belts_of: geom ids as (side, rear front nose flat approach wheels, and those of further sections).
+        radius: distance of each geom's contacts from its axis; 0 for the straight parts of belts.
         seat: lower and upper end of the stroke, spacing of ``angles``; empty without a seat.
         angles: seat angle over the stroke; empty without a seat.
-        flipper: lowest and highest angle, rate limit, servo deflection at full torque, servo lag, damping of an unpowered motor,
-            damping of the joint, stall torque, no-load rate; empty without a flipper.
+        flipper: limits of each flipper, columns as in ``_actuator_lag_and_slew_kernels``, the commanded one first; no rows without.
         damping: of each degree of freedom; changed in place.
         warnings: number of MuJoCo warnings by kind.
         sway: sway parameters for ``move_payload``; empty without sway.
@@ -176,10 +177,12 @@ def advance(
     corrected, noslip, pointers, acceleration, warm_start, shift = coulomb
     lug, travel, part_of, fixed_rad = lugs
     fields = (friction, layout[4])
-    seated = seat.shape[0] > 0
+    seated, flippers = seat.shape[0] > 0, flipper.shape[0]
+    first = 1 if seated else 0
+    at, moves = FLIPPER_QPOS + first, FLIPPER_QVEL + first
     for k in range(ticks):
         before = (state[0], state[1])
-        act(command, drives, state, seat, angles, flipper, qpos[LAST] if flipper.shape[0] > 0 else 0.0)
+        act(command, drives, state, seat, angles, flipper, qpos[at] if flippers > 0 else 0.0)
         if motor.shape[0] > 0:
             held = (state[BRAKED] + state[STALLED] > 0.5, state[BRAKED] + state[STALLED + 1] > 0.5)
             limit_belts(before, state[:2], held, motor, electric)
@@ -188,11 +191,10 @@ def advance(
         for side in range(2):
             actual = state[side] * (1.0 + mismatch[side])
             for geom_id in belts_of[side]:
-                part = part_of[geom_id] % PARTS
-                if part in (FLAT, APPROACH):
+                if radius[geom_id] == 0.0:
                     surface_velocity[geom_id, 0] = -actual
                 else:
-                    surface_velocity[geom_id, 5] = actual / radius
+                    surface_velocity[geom_id, 5] = actual / radius[geom_id]
         # A braked chair is held by static friction, which MuJoCo regularises to a creep of millimetres per minute.
         stands = state[BRAKED] > 0.5 and state[LEFT] == 0.0 and state[RIGHT] == 0.0
         noslip[0] = NOSLIP_ITERATIONS if stands else 0
@@ -202,8 +204,9 @@ def advance(
             force_range[0, 0], force_range[0, 1] = -torque, torque
         if seated:
             control[0] = state[SEAT_ANGLE]
-        if flipper.shape[0] > 0:
-            control[LAST] = state[FLIPPER_TARGET] + state[FLIPPER_RATE] * flipper[4]
+        for number in range(flippers):
+            target = state[FLIPPER_TARGET] + state[FLIPPER_RATE] * flipper[number, 4]
+            control[first + number] = target if flipper[number, FOLLOWS] > 0.5 else flipper[number, STAYS]
 
         row = log[k]
         row[SUPPORT : SUPPORT + 4] = NO_SUPPORT_M
@@ -211,12 +214,14 @@ def advance(
         row[HULL] = 0.0
         traction[:] = 0.0
         for _ in range(substeps):
-            if flipper.shape[0] > 0 and state[FLIPPER_LOST] > 0.5:
-                damping[LAST] = flipper[6] + (flipper[5] if qvel[LAST] > 0.0 else 0.0)
-            elif flipper.shape[0] > 0:
-                share = qvel[LAST] / flipper[8]
-                force_range[LAST, 0] = -flipper[7] * min(max(1.0 + share, 0.0), 1.0)
-                force_range[LAST, 1] = flipper[7] * min(max(1.0 - share, 0.0), 1.0)
+            for number in range(flippers):
+                limits, rate = flipper[number], qvel[moves + number]
+                if number == 0 and state[FLIPPER_LOST] > 0.5:
+                    damping[moves] = limits[6] + (limits[5] if rate > 0.0 else 0.0)
+                else:
+                    share = rate / limits[8]
+                    force_range[first + number, 0] = -limits[7] * min(max(1.0 + share, 0.0), 1.0)
+                    force_range[first + number, 1] = limits[7] * min(max(1.0 - share, 0.0), 1.0)
             if sway.shape[0] > 0:
                 move_payload(sway, qvel, qvel[6] if seated else 0.0, xmat, seat_xmat, payload_com, payload_force)
             _kinematics(model, data)
@@ -227,7 +232,7 @@ def advance(
             turn_contacts(count[0], real, whole, frame, friction, surfacevel, geom, is_belt, chair_y, mu)
             if lug.height > 0.0:
                 speed = (state[LEFT] * (1.0 + mismatch[0]), state[RIGHT] * (1.0 + mismatch[1]))
-                approach_rad = qpos[LAST] if flipper.shape[0] > 0 else fixed_rad
+                approach_rad = qpos[at] if flippers > 0 else fixed_rad
                 follow_lugs(count[0], real, whole, frame, surfacevel, geom, part_of, speed, approach_rad, qpos, xmat, lug, travel)
             weaken(count[0], real, whole, friction, geom, grip)
             of_no_belt = reach_of_contacts(count[0], real, whole, frame, geom, is_belt, qpos, xmat, row[SUPPORT : SUPPORT + 4])
@@ -264,7 +269,7 @@ def advance(
         row[SEAT] = state[STROKE]
         row[CONTACTS] = count[0]
         row[BRAKE] = state[BRAKED]
-        row[FLIPPER] = qpos[LAST] if flipper.shape[0] > 0 else 0.0
-        row[FLIPPER_TORQUE] = force[LAST] if flipper.shape[0] > 0 else 0.0
+        row[FLIPPER] = qpos[at] if flippers > 0 else 0.0
+        row[FLIPPER_TORQUE] = force[first] if flippers > 0 else 0.0
         rotation(qpos[3], qpos[4], qpos[5], qpos[6], row[ROTATION : ROTATION + 9].reshape(3, 3))
     return judge(warnings, log, real.shape[0])

@@ -30,7 +30,7 @@ from treadline.plant.sensors._instruments import SUPPORT_TICKS, ChairState, Inst
 from treadline.plant.sensors.camera.solids import SceneBox
 from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription
 from treadline.scenario.scenario import Scenario
-from treadline.vehicle.bodies import vehicle
+from treadline.vehicle.bodies import SIDES, vehicle
 from treadline.vehicle.staircase import up_W
 from treadline.vehicle.start_pose import standing
 
@@ -54,6 +54,11 @@ class MujocoPlant(InstrumentedPlant):
         self._build_physics(self._physics_draws)
         self._tick = 0
         self._pending: list[tuple[int, Float[np.ndarray, " c"]]] = []
+
+    @property
+    def _seats(self) -> int:
+        """Number of joints before that of the first flipper."""
+        return 0 if self._chair.seat is None else 1
 
     def start(self) -> None:
         """Place the chair on its nosings, belts at rest, at ``t = 0``."""
@@ -95,14 +100,14 @@ class MujocoPlant(InstrumentedPlant):
         self._state[drives.SEAT_STUCK] = damage.seat_stuck
         self._state[drives.FLIPPER_STUCK] = damage.flipper_stuck
         self._grip[self._belts] = np.array(damage.grip)[:, None]
-        self._model.body_ipos[self._seat_body] = rest_m = self._payload_rest_m + damage.payload_m
+        self._model.body_ipos[self._seat_body] = rest_m = self._payload_rest_m + self._chair.in_chair(damage.payload_m)
         if self._scenario.chair.sways:  # the sway sets the centre of mass before the next step
             self._sway[kernels.SWAY_REST : kernels.SWAY_REST + 2] = rest_m[:2]
         if self._chair.flipper is not None:
             self._state[drives.FLIPPER_LOST] = damage.flipper_lost
             limit = 0.0 if damage.flipper_lost else self._chair.flipper.torque_n_m
-            self._model.actuator_forcerange[kernels.LAST] = (-limit, limit)
-            self._model.dof_damping[kernels.LAST] = FLIPPER_FRICTION_N_M_S_RAD
+            self._model.actuator_forcerange[self._seats] = (-limit, limit)
+            self._model.dof_damping[kernels.FLIPPER_QVEL + self._seats] = FLIPPER_FRICTION_N_M_S_RAD
         self._damage = damage
         self._around.change(damage, *self._pose_WB())
         if self._model.nmocap:
@@ -149,16 +154,13 @@ class MujocoPlant(InstrumentedPlant):
         if self._scenario.stair.side_slope_deg:
             self._model.opt.gravity = -GRAVITY_M_S2 * up_W(self._scenario.stair)
         self._data = mujoco.MjData(self._model)
-        wheels = [f"wheel_{number}" for number in range(self._chair.tracks.road_wheels)]
+        parts = ["rear", "front", "nose", "flat", "approach"]
+        parts += [f"wheel_{number}" for number in range(self._chair.tracks.road_wheels)]
+        parts += [f"{section.name}{part}" for section in self._chair.belt for part in ("_axis", "_tip", "_run")]
         self._is_belt = np.zeros(self._model.ngeom, dtype=np.bool_)
-        self._belts = np.array(
-            [
-                [self._model.geom(f"{side}_{part}").id for part in ("rear", "front", "nose", "flat", "approach", *wheels)]
-                for side in ("left", "right")
-            ]
-        )
+        self._belts = np.array([[self._model.geom(f"{side}_{part}").id for part in parts] for side in SIDES])
         self._is_belt[self._belts] = True
-        self._lugs = fit_lugs(self._scenario.belts, self._chair.tracks, self._model, self._belts, draws)
+        self._lugs = fit_lugs(self._scenario.belts, self._chair, self._model, self._belts, draws)
         self._grip = np.ones(self._model.ngeom)
         self._friction = friction_table(self._model, self.staircase)
         self._seat_body = self._model.body(vehicle(self._chair, self._scenario.chair).seat.name).id
@@ -167,7 +169,8 @@ class MujocoPlant(InstrumentedPlant):
             self._model.body_sameframe[self._seat_body] = mujoco.mjtSameFrame.mjSAMEFRAME_BODYROT
         self._payload_rest_m = self._model.body_ipos[self._seat_body].copy()
         loading, (x_m, y_m, _) = self._scenario.chair, self._model.body_ipos[self._seat_body]
-        seat = (self._physics.timestep_s, self._model.body_mass[self._seat_body], *loading.sway_m, x_m, y_m)
+        sway_m = self._chair.in_chair((*loading.sway_m, 0.0))[:2]
+        seat = (self._physics.timestep_s, self._model.body_mass[self._seat_body], *sway_m, x_m, y_m)
         self._sway = np.array([0.0, 0.0, *seat] if loading.sways else [])
         self._corrected = np.array([True])
         """Whether contact forces are corrected to Coulomb's law; False keeps MuJoCo's convex solution, for comparison."""
@@ -180,8 +183,9 @@ class MujocoPlant(InstrumentedPlant):
         mujoco.mju_mat2Quat(self._data.qpos[3:7], np.ascontiguousarray(start.R_WB).ravel())
         rest = tracks.approach_angle_deg * DEG
         self._drives.rest(start.seat_rad, rest)
-        if self._chair.flipper is not None:
-            self._data.qpos[kernels.LAST] = self._data.ctrl[kernels.LAST] = rest
+        for number, limits in enumerate(self._drives.flipper, start=self._seats):
+            angle_rad = rest if limits[drives.FOLLOWS] else limits[drives.STAYS]
+            self._data.qpos[kernels.FLIPPER_QPOS + number] = self._data.ctrl[number] = angle_rad
         if self._chair.seat is not None:
             self._data.qpos[kernels.SEAT_QPOS] = self._data.ctrl[0] = start.seat_rad
 
@@ -236,7 +240,7 @@ class MujocoPlant(InstrumentedPlant):
             self._belts,
             model.geom_surfacevel,
             # A lug's contact lies midway between its foot and its tip.
-            self._chair.tracks.pulley_radius_m - 0.5 * self._lugs.parameters.height,
+            np.where(model.geom_type == mujoco.mjtGeom.mjGEOM_BOX, 0.0, model.geom_size[:, 0] + 0.5 * self._lugs.parameters.height),
             self._drives.seat,
             self._drives.angles,
             self._drives.flipper,
@@ -299,15 +303,14 @@ class MujocoPlant(InstrumentedPlant):
 
     def _log_row(self) -> Float[np.ndarray, " c"]:
         row = np.zeros(kernels.COLUMNS)
-        joints = 0 if self._chair.seat is None else 1
-        row[kernels.QPOS : kernels.QPOS + 7 + joints] = self._data.qpos[: 7 + joints]
-        row[kernels.QVEL : kernels.QVEL + 6 + joints] = self._data.qvel[: 6 + joints]
+        row[kernels.QPOS : kernels.QPOS + 7 + self._seats] = self._data.qpos[: 7 + self._seats]
+        row[kernels.QVEL : kernels.QVEL + 6 + self._seats] = self._data.qvel[: 6 + self._seats]
         row[kernels.SEAT] = self._state[drives.STROKE]
         row[kernels.SUPPORT : kernels.SUPPORT + 4] = self._settled_reach
         row[kernels.ROTATION : kernels.ROTATION + 9] = rotation_of(self._data.qpos[3:7]).ravel()
         if self._chair.flipper is not None:
-            row[kernels.FLIPPER] = self._data.qpos[kernels.LAST]
-            row[kernels.FLIPPER_TORQUE] = self._data.actuator_force[kernels.LAST]
+            row[kernels.FLIPPER] = self._data.qpos[kernels.FLIPPER_QPOS + self._seats]
+            row[kernels.FLIPPER_TORQUE] = self._data.actuator_force[self._seats]
         return row
 
     def _passed(self) -> Iterator[tuple[ChairState, float]]:
@@ -337,7 +340,7 @@ class MujocoPlant(InstrumentedPlant):
             hull_contacts=int(numbers[kernels.HULL]),
             traction_n=row[kernels.TRACTION : kernels.TRACTION + 2],
             power_w=numbers[kernels.POWER],
-            payload_shift_m=self._damage.payload_m,
+            payload_shift_m=self._chair.in_chair(self._damage.payload_m),
         )
 
     def _look(self, state: ChairState) -> Sequence[Reading]:

@@ -39,6 +39,7 @@ from treadline.vehicle.bodies import payload_com, payload_origin
 from treadline.vehicle.stair_solids import bearing_edges, stair_surfaces
 from treadline.vehicle.staircase import Staircase, build_staircase, up_W
 from treadline.vehicle.tip_over_margin import ROCKING
+from treadline.vehicle.tracks import sections
 from treadline.vehicle.traction import friction_use
 
 
@@ -136,7 +137,7 @@ class ChairState:
     power_w: float = 0.0
     """Electric power drawn from the battery [W]."""
     payload_shift_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Shift of the payload's centre of mass by faults [m]: forward, left, up in the seat frame."""
+    """Shift of the payload's centre of mass by faults [m], in the axes of the seat's frame."""
 
     @property
     def t_s(self) -> float:
@@ -168,7 +169,7 @@ class Instruments:
         self._scenario, self._chair, self._staircase = scenario, chair, staircase
         self._seated = np.array(payload_com(chair, scenario.chair.leaning()))
         self._numbers = chair_numbers(chair, scenario.chair)
-        self._fixed_rad = chair.tracks.approach_angle_deg * DEG
+        self._sections = section_numbers(chair)
         self._imu = Imu(IMUS[scenario.sensors.imu], scenario.sensors.gravity_error_deg * DEG, streams.imu)
         self._streams = streams
         self._look = look
@@ -265,13 +266,14 @@ class Instruments:
             state.p_WB,
             state.rate_B,
             state.seat_rad,
-            self._fixed_rad if self._chair.flipper is None else state.flipper_rad,
+            state.flipper_rad,
             state.reach_m,
             place,
             self._reaches,
             self._edges_W,
             self._surfaces,
             self._numbers,
+            self._sections,
             self._seated,
             self._payload_at(state),
             ROCKING,
@@ -314,15 +316,21 @@ class Instruments:
 
 def chair_numbers(chair: ChairDescription, loading: Chair) -> Float[np.ndarray, " k"]:
     """Return the parameters of a loaded chair as an array for ``kernels.truth``."""
-    tracks = chair.tracks
     numbers = np.empty(kernels.CHAIR)
-    numbers[kernels.HALF_RUN], numbers[kernels.APPROACH] = 0.5 * tracks.flat_run_m, tracks.approach_m
-    numbers[kernels.RADIUS], numbers[kernels.HALF_GAUGE] = tracks.pulley_radius_m, 0.5 * tracks.gauge_m
+    numbers[kernels.HALF_RUN] = 0.5 * chair.tracks.flat_run_m
     numbers[kernels.HINGE : kernels.HINGE + 3] = payload_origin(chair, loading)
     numbers[kernels.SEAT_KG], numbers[kernels.CHASSIS_KG] = chair.empty_seat_kg + loading.payload_kg, chair.masses.chassis_kg
     numbers[kernels.CHASSIS : kernels.CHASSIS + 3] = chair.masses.chassis_com_m
-    numbers[kernels.FLIPPER_KG] = 0.0 if chair.flipper is None else chair.flipper.mass_kg
     return numbers
+
+
+def section_numbers(chair: ChairDescription) -> Float[np.ndarray, "n k"]:
+    """Return the sections of a chair's belts as rows for ``kernels.truth``."""
+    rows = []
+    for one in sections(chair):
+        turns = (one.zero_rad, one.raises, one.stays_rad, float(one.follows), 0.0 if one.motor is None else one.motor.mass_kg)
+        rows.append((*one.start_m, one.length_m, *one.radii_m, 0.5 * one.gauge_m, *turns))
+    return np.array(rows)
 
 
 class InstrumentedPlant(ABC):

@@ -7,10 +7,12 @@ import numpy as np
 from treadline.core.fma import dot, fused
 from treadline.core.kernel_cache import njit
 
-# Parameters of a chair for ``truth``: half of the flat run, length of the approach section, pulley radius, half gauge,
-# origin of the payload's frame with seat shift, mass of seat and payload, mass and centre of the chassis, mass of the flipper.
-HALF_RUN, APPROACH, RADIUS, HALF_GAUGE, HINGE, SEAT_KG, CHASSIS_KG, CHASSIS, FLIPPER_KG = 0, 1, 2, 3, 4, 7, 8, 9, 12
-CHAIR = 13
+# Parameters of a chair for ``truth``: half of the flat run, origin of the payload's frame with seat shift, mass of seat and
+# payload, mass and centre of the chassis.
+HALF_RUN, HINGE, SEAT_KG, CHASSIS_KG, CHASSIS, CHAIR = 0, 1, 4, 5, 6, 9
+# Columns of a section of the belts: axis of its start, length, radii at start and end, half gauge, direction at a zero joint, sign
+# of a turn, angle at which it stays, whether it turns with the flipper, mass.
+START, LENGTH, RADII, HALF_GAUGE, ZERO, RAISES, STAYS, FOLLOWS, KG, SECTION = 0, 2, 3, 5, 6, 7, 8, 9, 10, 11
 
 
 @njit(cache=True)
@@ -28,6 +30,7 @@ def truth(
     edges_W,
     surfaces,
     chair,
+    sections,
     seated,
     loaded,
     rocking,
@@ -39,10 +42,10 @@ def truth(
 
     Args:
         rate: Angular velocity in B.
-        flipper_angle: Angle of the approach section, fixed or driven.
+        flipper_angle: Angle of the flipper.
         reach: Reach of the belt contacts of this tick; stored in row ``place`` of ``reaches``, or in all rows if ``place`` is
             negative.
-        chair: parameters as named above.
+        chair: parameters as named above; ``sections``: rows of the belts' sections, likewise.
         seated: Centre of the payload from the hinge in the seat frame, without sway; ``loaded``: with sway.
         rocking: Tangent of the angle by which the chair may turn onto ground for it to count as support.
         up_W: Unit vector against gravity: z of W, except on a stair that falls to a side.
@@ -55,28 +58,24 @@ def truth(
         reaches[:] = reach
     else:
         reaches[place] = reach
-    half, radius, gauge = chair[HALF_RUN], chair[RADIUS], chair[HALF_GAUGE]
-    out_x, out_z = math.cos(flipper_angle), math.sin(flipper_angle)
     # Contacts of a rocking chair are intermittent: the recent ones count.
     touches, tail, left, right = reaches[:, 0].max(), reaches[:, 1].max(), reaches[:, 2].max(), reaches[:, 3].max()
-    front, rear = support(touches, tail, edges_W, p_WB, R_WB, half, rocking)
-    tip_x, tip_z = half + chair[APPROACH] * out_x, radius + chair[APPROACH] * out_z
-    for pulley_x, pulley_z in ((half, radius), (tip_x, tip_z)):
-        ahead, gap = pulley_gap(surfaces, pulley_x, pulley_z, gauge, radius, p_WB, R_WB)
-        if touches > -math.inf and gap <= rocking * (ahead - touches):
-            front = max(front, ahead)
-    ahead, gap = pulley_gap(surfaces, -half, radius, gauge, radius, p_WB, R_WB)
-    if tail > -math.inf and gap <= rocking * (-ahead - tail):
-        rear = max(rear, -ahead)
-
-    kg, com_x, com_y, com_z = chair[CHASSIS_KG], chair[CHASSIS], chair[CHASSIS + 1], chair[CHASSIS + 2]
-    if chair[FLIPPER_KG] > 0.0:
-        total = kg + chair[FLIPPER_KG]
-        half = 0.5 * chair[APPROACH]
-        com_x = (kg * com_x + chair[FLIPPER_KG] * (chair[HALF_RUN] + half * out_x)) / total
-        com_y = kg * com_y / total
-        com_z = (kg * com_z + chair[FLIPPER_KG] * (chair[RADIUS] + half * out_z)) / total
-        kg = total
+    front, rear = support(touches, tail, edges_W, p_WB, R_WB, chair[HALF_RUN], rocking)
+    kg = chair[CHASSIS_KG]
+    com_x, com_y, com_z = kg * chair[CHASSIS], kg * chair[CHASSIS + 1], kg * chair[CHASSIS + 2]
+    for row in sections:
+        turned = row[ZERO] + row[RAISES] * (flipper_angle if row[FOLLOWS] > 0.5 else row[STAYS])
+        end_x, end_z = row[START] + row[LENGTH] * math.cos(turned), row[START + 1] + row[LENGTH] * math.sin(turned)
+        for pulley_x, pulley_z, radius in ((row[START], row[START + 1], row[RADII]), (end_x, end_z, row[RADII + 1])):
+            ahead, gap = pulley_gap(surfaces, pulley_x, pulley_z, row[HALF_GAUGE], radius, p_WB, R_WB)
+            if touches > -math.inf and gap <= rocking * (ahead - touches):
+                front = max(front, ahead)
+            if tail > -math.inf and gap <= rocking * (-ahead - tail):
+                rear = max(rear, -ahead)
+        kg += row[KG]
+        com_x += 0.5 * row[KG] * (row[START] + end_x)
+        com_z += 0.5 * row[KG] * (row[START + 1] + end_z)
+    com_x, com_y, com_z = com_x / kg, com_y / kg, com_z / kg
     payload, seat_kg = np.empty(3), chair[SEAT_KG]
     _on_seat(chair, loaded, c, s, payload)
     total = kg + seat_kg

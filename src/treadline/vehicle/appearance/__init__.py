@@ -7,8 +7,6 @@ look, without an origin. No block, simulator or check reads a mesh (an import co
 on it.
 """
 
-import math
-
 import numpy as np
 from jaxtyping import Float
 
@@ -19,7 +17,7 @@ from treadline.vehicle.appearance._belts import BeltPath, lug_part, lug_poses, r
 from treadline.vehicle.appearance._chassis import chassis_parts
 from treadline.vehicle.appearance._mesh import BodyName, Colour, Mesh, MeshPart, box, colour, cylinder, part
 from treadline.vehicle.appearance._seat import linkage_poses, seat_parts
-from treadline.vehicle.bodies import vehicle
+from treadline.vehicle.bodies import flipper_turns, vehicle
 from treadline.vehicle.stair_solids import Box, NosingGeometry, Solid, stair_solids
 from treadline.vehicle.staircase import Staircase
 
@@ -57,10 +55,8 @@ def body_poses(
     if chair.seat is not None:
         poses["seat"] = _turned(whole.seat.origin_m, seat_rad)
         poses |= linkage_poses(chair, loading, seat_rad)
-    if whole.flipper is not None:
-        angle = math.radians(chair.tracks.approach_angle_deg) if flipper_rad is None else flipper_rad
-        poses["flipper"] = _turned(whole.flipper.origin_m, -angle)
-    return poses
+    turns = flipper_turns(chair, flipper_rad)
+    return poses | {body.name: _turned(body.origin_m, turns[body.name]) for body in whole.flippers}
 
 
 def _turned(origin: tuple[float, float, float], angle_rad: float) -> Float[np.ndarray, "4 4"]:

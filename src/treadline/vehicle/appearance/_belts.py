@@ -7,6 +7,7 @@ side, and bends around a small idler on the concave side, drawn as a corner.
 """
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any, Literal
 
@@ -30,7 +31,7 @@ from treadline.vehicle.appearance._mesh import (
     part,
 )
 from treadline.vehicle.bodies import sides
-from treadline.vehicle.tracks import pulley_centres, road_wheels
+from treadline.vehicle.tracks import Section, pulley_centres, road_wheels, sections
 
 BELT_SHARE = 0.1
 """Thickness of the belt below the lugs over the pulleys' radius (drawn only)."""
@@ -193,6 +194,7 @@ def track_parts(chair: ChairDescription, belts: Belts | None = None) -> tuple[Me
     surface = r - height
     wheel = surface - BELT_SHARE * r
     fixed = chair.flipper is None
+    further = [mesh for section in sections(chair)[2:] for mesh in _section_parts(section, height)]
     pulleys = [(x, z) for x, z in pulley_centres(chair).tolist()][: 3 if fixed else 2]
     loops = _hull(pulleys, surface), _hull(pulleys, wheel)
     strips = _tip(out, surface), _tip(out, wheel)
@@ -202,11 +204,49 @@ def track_parts(chair: ChairDescription, belts: Belts | None = None) -> tuple[Me
     axles = [cylinder((x, -half, z), (x, half, z), 0.17 * wheel, sides=10) for x, z in pulleys]
     parts.append(part("axles", "chair", axles, "drive"))
     if fixed:
-        return tuple(parts)
+        return (*parts, *further)
     for side, y in sides(tracks):
         parts.append(part(f"flipper_belt_{side}", "flipper", [band(*strips, *_across(tracks, y), closed=False)], "belt"))
     parts += _running_gear(tracks, "flipper", [(0.0, 0.0), (out, 0.0)], wheel, levers=True)
-    return tuple(parts)
+    return (*parts, *further)
+
+
+def _section_parts(section: Section, height: float) -> list[MeshPart]:
+    """Return belts, pulleys and frame of a further section of the belts, on its own body or on the chassis."""
+    shown = section if section.motor is None else replace(section, start_m=(0.0, 0.0), stays_rad=0.0, follows=False)
+    body = "chair" if section.motor is None else section.name
+    axes, surfaces = [shown.start_m, shown.end_m(0.0)], [radius - height for radius in section.radii_m]
+    wheels = [surface - BELT_SHARE * radius for surface, radius in zip(surfaces, section.radii_m, strict=True)]
+    half = 0.5 * section.width_m
+    belts: list[Mesh] = []
+    pulleys: list[Mesh] = []
+    bars: list[Mesh] = []
+    for y in (0.5 * section.gauge_m, -0.5 * section.gauge_m):
+        belts.append(band(_around_two(axes, surfaces), _around_two(axes, wheels), y - half, y + half, closed=True))
+        pulleys += [_pulley((x, y, z), wheel, half) for (x, z), wheel in zip(axes, wheels, strict=True)]
+        (x0, z0), (x1, z1) = axes
+        bars.append(capsule((x0, y + 0.62 * half, z0), (x1, y + 0.62 * half, z1), 0.22 * min(wheels), sides=6))
+    drawn = (("belt", belts, "belt"), ("pulleys", pulleys, "wheel"), ("frame", bars, "flipper" if section.motor else "frame"))
+    return [part(f"{section.name}_{name}", body, meshes, painted) for name, meshes, painted in drawn]
+
+
+def _around_two(axes: list[tuple[float, float]], radii: list[float]) -> Outline:
+    """Return the outline of a belt around two pulleys of different radii, anticlockwise."""
+    (x0, z0), (x1, z1) = axes
+    direction = math.atan2(z1 - z0, x1 - x0)
+    # Normal of the upper straight part, from the direction of the last axis.
+    upper = math.acos(max(-1.0, min(1.0, (radii[0] - radii[1]) / math.dist(*axes))))
+    arcs = ((x1, z1, radii[1], -upper, 2.0 * upper), (x0, z0, radii[0], upper, 2.0 * (math.pi - upper)))
+    return np.array(
+        [
+            (
+                x + r * math.cos(direction + start + turn * k / (ARC_POINTS - 1)),
+                z + r * math.sin(direction + start + turn * k / (ARC_POINTS - 1)),
+            )
+            for x, z, r, start, turn in arcs
+            for k in range(ARC_POINTS)
+        ]
+    )
 
 
 def _across(tracks: Tracks, y: float) -> tuple[float, float]:

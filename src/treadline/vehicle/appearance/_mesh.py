@@ -6,7 +6,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Float, Float32, Int, Int32
@@ -19,7 +18,7 @@ Outline = Float[np.ndarray, "n 2"]
 Point3 = Sequence[float] | Vector3
 Colour = tuple[float, float, float]
 """Red, green and blue, each 0 to 1."""
-BodyName = Literal["chair", "seat", "flipper", "bar", "slider", "world"]
+BodyName = str
 """Body of a part: the bodies of ``vehicle.bodies.vehicle``, bar and slider of the seat linkage, or the world."""
 
 

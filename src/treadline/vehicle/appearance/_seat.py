@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.angles import DEG
-from treadline.core.rotations import Vector3, rotation_y
+from treadline.core.rotations import Rotation, Vector3, rotation_y, rotation_z
 from treadline.scenario.chair import ChairDescription, Seat, Size
 from treadline.scenario.scenario import Chair
 from treadline.vehicle.appearance._mesh import (
@@ -78,12 +78,19 @@ def seat_parts(chair: ChairDescription, loading: Chair) -> tuple[MeshPart, ...]:
     linkage = _linkage_parts(chair, chair.seat, loading)
     if not carries_person(chair):
         return (*_sensor_head(chair, chair.seat, loading), *linkage)
-    (dx, dy, _), nominal = loading.payload_offset_m, np.array(chair.payload_com_m)
+    # In the occupant's frame, which is that of the seat, or turned by 180° about the plumb line through the hinge.
+    (dx, dy, _), nominal = loading.payload_offset_m, np.array(chair.in_chair(chair.payload_com_m))
     seated = _posture(chair.payload_size_m, loading.payload_kg, nominal)
     parts = [*_wheelchair_seat(chair, chair.seat, seated), *linkage]
     if loading.payload_kg > 0.0:
-        parts += _person_parts(_posture(chair.payload_size_m, loading.payload_kg, nominal + np.array([dx, dy, 0.0])))
+        moved = _posture(chair.payload_size_m, loading.payload_kg, nominal + np.array([dx, dy, 0.0]))
+        parts += _person_parts(moved, rotation_z(_turned_rad(chair)))
     return tuple(parts)
+
+
+def _turned_rad(chair: ChairDescription) -> float:
+    """Return the angle from the seat's frame to the occupant's about the vertical [rad]."""
+    return 0.0 if chair.faces == "up" else math.pi
 
 
 def linkage_poses(chair: ChairDescription, loading: Chair, seat_rad: float) -> dict[BodyName, Float[np.ndarray, "4 4"]]:
@@ -145,12 +152,10 @@ def _wheelchair_seat(chair: ChairDescription, seat: Seat, seated: _Posture) -> l
     frame = [shell.moved(base, R), box((0.5 * (rear + front), 0.0, top - thick - 0.006), (front - rear - 0.02, 1.9 * half, 0.012))]
     foot_x, foot_z = seated.ankle[0], seated.sole_z
     plate_y = half - 0.01
-    for s in (1.0, -1.0):
-        plate = np.array([(-0.03, -0.02), (seat.lever_arm_m + 0.01, -0.015), (seat.lever_arm_m, 0.015), (rear + 0.04, top - thick)])
-        frame.append(extrusion(plate, s * y - 0.005, s * y + 0.005))
-        frame.append(
-            tube([(0.75 * seat.lever_arm_m, s * plate_y, 0.0), (foot_x + 0.05 * h, s * plate_y, foot_z - 0.012)], 0.7 * ROD_M)
-        )
+    foot = (foot_x + 0.05 * h, foot_z - 0.012)
+    frame += [
+        tube([(0.75 * seat.lever_arm_m, s * plate_y, 0.0), (foot[0], s * plate_y, foot[1])], 0.7 * ROD_M) for s in (1.0, -1.0)
+    ]
     frame.append(box((foot_x + 0.06 * h, 0.0, foot_z - 0.008), (0.13 * h, 2.0 * plate_y, 0.014)))
     frame.append(cylinder((0.0, -y - 0.012, 0.0), (0.0, y + 0.012, 0.0), ROD_M, sides=10))
     elbow = seated.elbow_z
@@ -159,11 +164,21 @@ def _wheelchair_seat(chair: ChairDescription, seat: Seat, seated: _Posture) -> l
         rest_y = s * (half + 0.012)
         rests.append(rounded_box((hip_x + 0.075 * h, rest_y, elbow - 0.05), (0.16 * h, 0.045, 0.028), 0.01))
         frame.append(tube([(hip_x + 0.1 * h, rest_y, elbow - 0.06), (hip_x + 0.1 * h, rest_y, top - thick)], 0.7 * ROD_M))
+    turned = rotation_z(_turned_rad(chair))
+    # The pin of the linkage is ahead of the hinge in B, wherever the occupant looks.
+    behind_x = rear if chair.faces == "up" else -front
+    plate = np.array([(-0.03, -0.02), (seat.lever_arm_m + 0.01, -0.015), (seat.lever_arm_m, 0.015), (behind_x + 0.04, top - thick)])
+    plates = [extrusion(plate, s * y - 0.005, s * y + 0.005) for s in (1.0, -1.0)]
     return [
-        part("seat_frame", "seat", frame, "seat_frame"),
-        part("cushions", "seat", [cushion, back.moved(base, R)], "cushion"),
-        part("armrests", "seat", rests, "battery"),
+        part("seat_frame", "seat", [*_each_turned(frame, turned), *plates], "seat_frame"),
+        part("cushions", "seat", _each_turned([cushion, back.moved(base, R)], turned), "cushion"),
+        part("armrests", "seat", _each_turned(rests, turned), "battery"),
     ]
+
+
+def _each_turned(meshes: list[Mesh], R: Rotation) -> list[Mesh]:
+    """Return meshes turned about the origin of their frame."""
+    return [mesh.moved((0.0, 0.0, 0.0), R) for mesh in meshes]
 
 
 def _sensor_head(chair: ChairDescription, seat: Seat, loading: Chair) -> list[MeshPart]:
@@ -216,8 +231,8 @@ def _posture(size_m: Size, mass_kg: float, com: Vector3) -> _Posture:
     )
 
 
-def _person_parts(seated: _Posture) -> list[MeshPart]:
-    """Return head, trunk, limbs and shoes of a seated person as capsules."""
+def _person_parts(seated: _Posture, turned: Rotation) -> list[MeshPart]:
+    """Return head, trunk, limbs and shoes of a seated person as capsules, turned from the occupant's frame to the seat's."""
     h, g, hip, shoulder, knee, ankle = seated.stature_m, seated.girth, seated.hip, seated.shoulder, seated.knee, seated.ankle
     x, y, z = np.eye(3)
     neck, joint, sole = shoulder + 0.06 * h * z, 0.033 * h * math.sqrt(g), 0.5 * (float(ankle[2]) - seated.sole_z)
@@ -235,4 +250,4 @@ def _person_parts(seated: _Posture) -> list[MeshPart]:
         heel = ankle + 0.056 * h * side - sole * z
         shoes.append(capsule(heel - 0.01 * h * x, heel + 0.1 * h * x, sole))
     painted = (("skin", skin), ("shirt", shirt), ("trousers", trousers), ("shoes", shoes))
-    return [part(f"person_{name}", "seat", meshes, name) for name, meshes in painted]
+    return [part(f"person_{name}", "seat", _each_turned(meshes, turned), name) for name, meshes in painted]

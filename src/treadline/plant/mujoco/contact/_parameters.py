@@ -13,7 +13,7 @@ from treadline.core.errors import SettingsError
 from treadline.core.signals import TICK_S
 from treadline.plant.mujoco.contact import _coulomb_kernels as coulomb
 from treadline.plant.mujoco.contact import _rubber_lug_kernels as lugs
-from treadline.scenario.chair import Tracks
+from treadline.scenario.chair import ChairDescription
 from treadline.scenario.scenario import Belts
 from treadline.vehicle.bodies import oversized_lugs
 
@@ -84,20 +84,21 @@ class Lugs:
 
 
 def fit_lugs(
-    settings: Belts, tracks: Tracks, model: mujoco.MjModel, belts: Int[np.ndarray, "2 g"], draws: np.random.Generator
+    settings: Belts, chair: ChairDescription, model: mujoco.MjModel, belts: Int[np.ndarray, "2 g"], draws: np.random.Generator
 ) -> Lugs:
     """Set contact stiffness and lugs of the belts in a model.
 
     Args:
-        belts: geom ids as (side, rear front nose flat approach wheels).
+        belts: geom ids as (side, rear front nose flat approach wheels, and those of further sections).
 
     Raises:
-        SettingsError: If the lugs are too large for the chair's pulleys.
+        SettingsError: If the lugs are too large for the chair's pulleys, or the belts have further sections.
     """
-    height, pitch, tip, flank = settings.measures_m
+    tracks, (height, pitch, tip, flank) = chair.tracks, settings.measures_m
     part_of = np.full(model.ngeom, lugs.SMOOTH)
     wheels = [lugs.REAR, *[lugs.FLAT] * (tracks.road_wheels - 2), lugs.FRONT]
-    part_of[belts] = [[side * lugs.PARTS + part for part in (*range(lugs.PARTS), *wheels)] for side in range(2)]
+    known = [*range(lugs.PARTS), *wheels]
+    part_of[belts[:, : len(known)]] = [[side * lugs.PARTS + part for part in known] for side in range(2)]
     if settings.stiffness_s is not None:
         model.geom_solref[belts, 0] = settings.stiffness_s
     time_constant_s = float(model.geom_solref[belts[0, 0], 0])
@@ -105,7 +106,7 @@ def fit_lugs(
     belt = (tracks.flat_run_m, tracks.approach_m, tracks.pulley_radius_m, 0.5 * tracks.belt_width_m, tracks.gauge_m)
     start_m = np.zeros(2)
     if height > 0.0:
-        refusal = oversized_lugs(settings, tracks)
+        refusal = oversized_lugs(settings, chair)
         if refusal is not None:
             raise SettingsError(refusal)
         _shrink(model, belts, height)
