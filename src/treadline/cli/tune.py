@@ -41,7 +41,6 @@ def tune(
     from treadline.control import closed_loop_poles
     from treadline.control.tune import design_warning
     from treadline.core.models import Reconstruct
-    from treadline.scenario.chair import read_chair
 
     chosen = choice("--reconstruct", reconstruct, get_args(Reconstruct))
     if state_weight is not None and output_weight is not None:
@@ -50,10 +49,7 @@ def tune(
         raise SettingsError(f"--out {out}: is the model itself; a controller would be written over it: give another")
     claim(out, force=force, kind="file")
     loaded = api.load_model(model)
-    try:
-        chair = None if vehicle is None else read_chair(vehicle).name
-    except SettingsError as error:
-        raise SettingsError(f"--vehicle: {error}") from None
+    chair = None if vehicle is None else _name_of(vehicle)
     controller = api.tune(
         loaded,
         state_weight=numbers("--state-weight", state_weight),
@@ -84,3 +80,13 @@ def tune(
             *([] if warning is None else [f"warning: {warning}"]),
         ],
     )
+
+
+def _name_of(vehicle: str) -> str:
+    """Return the name of a shipped chair, or of that in a file."""
+    from treadline.scenario.chair import read_chair
+
+    try:
+        return read_chair(vehicle).name
+    except SettingsError as error:
+        raise SettingsError(f"--vehicle: {error}") from None

@@ -85,11 +85,13 @@ def chair_of_folder(path: Path) -> "ChairDescription | None":
     Raises:
         SettingsError: If the manifest cannot be read, or names no chair that is there.
     """
-    from treadline.scenario.scenario import chair_of_run
-
     where = (path.parent if path.name in (LOG, RECORD) else path) / MANIFEST
     settings = read_json(where).get("settings") if where.is_file() else None
-    return chair_of_run(settings, f"{where}: settings") if isinstance(settings, dict) else None
+    if not isinstance(settings, dict):
+        return None
+    from treadline.scenario.scenario import chair_of_run
+
+    return chair_of_run(settings, f"{where}: settings")
 
 
 def log_metadata(manifest: Mapping[str, Any], scenario: Mapping[str, Any] | None, folder: Path) -> dict[str, str]:
