@@ -30,7 +30,7 @@ from treadline.plant.mujoco import MujocoPlant
 from treadline.plant.mujoco import _step_kernels as kernels
 from treadline.scenario.chair import GRAVITY_M_S2, read_chair
 from treadline.scenario.scenario import Chair, Stair
-from treadline.vehicle.bodies import centre_of_mass, vehicle
+from treadline.vehicle.bodies import centre_of_mass, flipper_turns, vehicle
 from treadline.vehicle.quasi_static import QuasiStaticRun, quasi_static_run
 from treadline.vehicle.stair_solids import stair_solids
 
@@ -199,10 +199,10 @@ def whole_chair(seat_rad: float, flipper_rad: float) -> tuple[float, np.ndarray,
     """Return mass, centre of mass and inertia about it of chassis, seat, payload and flipper as one body, in B."""
     parts, com = [], np.array(centre_of_mass(CHAIR, LOADING, seat_rad, flipper_rad))
     chair = vehicle(CHAIR, LOADING)
-    for body, turn in ((chair.chassis, 0.0), (chair.seat, seat_rad), (chair.flipper, -flipper_rad)):
-        if body is not None:
-            R = rotation_y(turn)
-            parts.append((body.mass_kg, np.array(body.origin_m) + R @ np.array(body.com_m), R @ np.diag(body.inertia) @ R.T))
+    turns = {"chair": 0.0, chair.seat.name: seat_rad, **flipper_turns(CHAIR, flipper_rad)}
+    for body in chair.bodies:
+        R = rotation_y(turns[body.name])
+        parts.append((body.mass_kg, np.array(body.origin_m) + R @ np.array(body.com_m), R @ np.diag(body.inertia) @ R.T))
     inertia = np.zeros((3, 3))
     for mass, place, own in parts:
         d = place - com

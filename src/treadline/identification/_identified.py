@@ -511,8 +511,9 @@ class Identified(Printable):
     def _turn_warnings(self) -> list[str]:
         """Return how the model's yaw gain agrees with the skid-steer fit."""
         fit, off = self._turn_fit, self._contradiction
-        # A model with a fault says what its log says.
-        faults = (turn_faults(self.model) if self.name_prior else []) or list(self.findings.headings)
+        # A model with a fault says what its log says, but for a heading that was wrapped.
+        faults = turn_faults(self.model) if self.name_prior else []
+        faults += [line for line in self.findings.headings if not faults or line.startswith("wrapped")]
         if fit is None:
             return faults
         if off is None or not (self._is_structure or off.is_large):

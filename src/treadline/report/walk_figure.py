@@ -74,11 +74,13 @@ def _draw_side(axes: Axes, ground: Ground, chair: RestChair, columns: Columns) -
     axes.set(ylabel="height [m]", xlim=(low, high), aspect="equal", adjustable="datalim")
 
 
-def _draw_capsule(axes: Axes, part: Float[np.ndarray, " 7"], pose: tuple[float, float, float], angle_rad: float) -> None:
+def _draw_capsule(axes: Axes, part: Float[np.ndarray, " 9"], pose: tuple[float, float, float], angle_rad: float) -> None:
     """Draw the outline of a part of the chair at a pose (x, z, pitch)."""
-    at_x, at_z, length, radius, offset, sign, joint = part.tolist()
+    at_x, at_z, length, first, last, offset, sign, joint, _ = part.tolist()
     turn = offset + (sign * angle_rad if joint >= 0.0 else 0.0)
-    arc = np.linspace(0.5 * math.pi, 1.5 * math.pi, 20)
-    local = np.concatenate([radius * np.exp(1j * arc), length + radius * np.exp(1j * (arc + math.pi))])
+    # The upper of the two lines that touch both circles.
+    upper = math.acos((first - last) / length)
+    arcs = np.linspace(upper, 2.0 * math.pi - upper, 20), np.linspace(-upper, upper, 20)
+    local = np.concatenate([first * np.exp(1j * arcs[0]), length + last * np.exp(1j * arcs[1])])
     outline = pose[0] + 1j * pose[1] + np.exp(1j * pose[2]) * (at_x + 1j * at_z + np.exp(1j * turn) * local)
     axes.fill(outline.real, outline.imag, facecolor="none" if joint < 0.0 else "#cfe3f2", edgecolor=BLUE, linewidth=1.0)

@@ -136,9 +136,7 @@ def track_on_stair_m(chair: ChairDescription) -> float:
 
     A flipper always reaches that angle (its range includes 0°); a fixed section does only if it is built at 0°.
     """
-    tracks = chair.tracks
-    is_in_line = chair.flipper is not None or tracks.approach_angle_deg == 0.0
-    return bearing_m(chair) + (tracks.approach_m if is_in_line else 0.0)
+    return bearing_m(chair) + (0.0 if chair.flipper is None else chair.tracks.approach_m)
 
 
 def bearing_m(chair: ChairDescription) -> float:

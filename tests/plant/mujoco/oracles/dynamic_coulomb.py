@@ -18,7 +18,7 @@ import numpy as np
 from treadline.core.rotations import rotation_y
 from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription
 from treadline.scenario.scenario import Chair
-from treadline.vehicle.bodies import centre_of_mass, vehicle
+from treadline.vehicle.bodies import centre_of_mass, flipper_turns, vehicle
 from treadline.vehicle.quasi_static import QuasiStaticRun, contact_loads, nosing_contacts
 
 ROUNDING_M_S = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
@@ -31,14 +31,13 @@ def planar_inertia(chair: ChairDescription, loading: Chair, seat_rad: float) -> 
     """Return the mass matrix of B's origin (forward, left, yaw) and Σ m x z about the centre of mass, both over the mass."""
     x, y, _ = com = np.array(centre_of_mass(chair, loading, seat_rad))
     whole, moment, product = vehicle(chair, loading), 0.0, 0.0
-    flipper_rad = math.radians(chair.tracks.approach_angle_deg)
-    for body, turn in ((whole.chassis, 0.0), (whole.seat, seat_rad), (whole.flipper, -flipper_rad)):
-        if body is not None:
-            R = rotation_y(turn)
-            away = np.array(body.origin_m) + R @ np.array(body.com_m) - com
-            tensor = R @ np.diag(body.inertia) @ R.T
-            moment += tensor[2, 2] + body.mass_kg * (away[0] ** 2 + away[1] ** 2)
-            product += body.mass_kg * away[0] * away[2] - tensor[0, 2]
+    turns = {"chair": 0.0, whole.seat.name: seat_rad, **flipper_turns(chair)}
+    for body in whole.bodies:
+        R = rotation_y(turns[body.name])
+        away = np.array(body.origin_m) + R @ np.array(body.com_m) - com
+        tensor = R @ np.diag(body.inertia) @ R.T
+        moment += tensor[2, 2] + body.mass_kg * (away[0] ** 2 + away[1] ** 2)
+        product += body.mass_kg * away[0] * away[2] - tensor[0, 2]
     mass_kg = sum(body.mass_kg for body in whole.bodies)
     return np.array([[1.0, 0.0, -y], [0.0, 1.0, x], [-y, x, moment / mass_kg + x * x + y * y]]), product / mass_kg
 
