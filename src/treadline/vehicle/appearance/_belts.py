@@ -225,7 +225,7 @@ def _section_parts(section: Section, height: float) -> list[MeshPart]:
         belts.append(band(_around_two(axes, surfaces), _around_two(axes, wheels), y - half, y + half, closed=True))
         pulleys += [_pulley((x, y, z), wheel, half) for (x, z), wheel in zip(axes, wheels, strict=True)]
         (x0, z0), (x1, z1) = axes
-        bars.append(capsule((x0, y + 0.62 * half, z0), (x1, y + 0.62 * half, z1), 0.22 * min(wheels), sides=6))
+        bars += [capsule((x0, y + off, z0), (x1, y + off, z1), 0.22 * min(wheels), sides=6) for off in (-0.62 * half, 0.62 * half)]
     drawn = (("belt", belts, "belt"), ("pulleys", pulleys, "wheel"), ("frame", bars, "flipper" if section.motor else "frame"))
     return [part(f"{section.name}_{name}", body, meshes, painted) for name, meshes, painted in drawn]
 
