@@ -40,7 +40,7 @@ MEMORY = 1.3
 """Lags of residual correlation per cube root of the number of samples (rate for Bartlett weights)."""
 
 
-Linearisation = tuple[Float[np.ndarray, "rows d"], Float[np.ndarray, " rows"]]
+Linearisation = tuple[Float[np.ndarray, "_ d"], Float[np.ndarray, " _"]]
 """Derivatives along d parameters, and residuals."""
 
 
