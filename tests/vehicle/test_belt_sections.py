@@ -22,17 +22,13 @@ from treadline.vehicle.rest_poses import rest_chair
 LEVEL = np.array([[-9.0, 0.0, 0.0], [9.0, 0.0, 0.0]])
 JOINT = {"range_deg": [-75.0, 60.0], "torque_n_m": 60.0, "max_rate_deg_s": 30.0, "lost_damping_n_m_s_rad": 50.0, "mass_kg": 2.0}
 REAR = {"name": "rear", "start_m": [-0.3, 0.08], "end_m": [-0.6, 0.08], "radii_m": [0.08, 0.05], "flipper": JOINT}
+TRACKS = {
+    "flat_run_m": 0.6, "approach_m": 0.3, "approach_angle_deg": 30.0, "pulley_radius_m": 0.08, "nose_radius_m": 0.05,
+    "gauge_m": 0.45, "belt_width_m": 0.08,
+}  # fmt: skip
 ROBOT: dict[str, Any] = {
     "name": "four",
-    "tracks": {
-        "flat_run_m": 0.6,
-        "approach_m": 0.3,
-        "approach_angle_deg": 30.0,
-        "pulley_radius_m": 0.08,
-        "nose_radius_m": 0.05,
-        "gauge_m": 0.45,
-        "belt_width_m": 0.08,
-    },
+    "tracks": TRACKS,
     "masses": {"chassis_kg": 30.0, "chassis_com_m": [0.0, 0.0, 0.12], "chassis_size_m": [0.5, 0.3, 0.15]},
     "drives": {"max_speed_m_s": 1.0, "lag_s": 0.1, "max_acceleration_m_s2": 3.0, "brake_hold_n": 800.0},
     "camera": {"position_m": [0.3, 0.0, 0.5], "pitch_deg": 35.0},
@@ -106,6 +102,7 @@ def test_bodies_statics_and_simulator_have_one_mass_and_one_centre() -> None:
     ("belts", "words"),
     [
         ([REAR, REAR], "two sections of the vehicle are called 'rear'"),
+        ([REAR | {"name": "approach"}], "two sections of the vehicle are called 'approach'"),
         ([REAR, REAR | {"name": "other"}], "two sections turn about one axis, at -0.3 m ahead and 0.08 m up"),
         ([REAR | {"follows": True, "flipper": None}], "follows the flipper, and has no"),
         ([REAR | {"radii_m": [0.4, 0.05]}], "one pulley holds the other"),

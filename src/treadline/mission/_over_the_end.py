@@ -17,13 +17,15 @@ from treadline.mission._on_the_flight import way_out
 from treadline.mission._situation import ENTER_FROM_M, KEEPS_M, LEVEL_RAD, Crossing, Situation, on_the_tip
 from treadline.mission.follow import FollowCommand, Follower, Place, Terrain, terrain_of
 from treadline.vehicle.loading import plumb
+from treadline.vehicle.way import FLIPPER_RAD_S
 
 CREST_SPARE_RAD = 1.7 * DEG
 """Heading error that is not corrected over the ends of a flight [rad]. Only the gyro measures the heading there. A gyro drift of
 1 °/s for six seconds caused a heading error of 5.0° with this dead band and 6.3° without; with a sound gyro the error was at most
 2.9° with and 2.1° without (28 and 30°, six runs, at twice the present gain)."""
-STILL_RAD_S = 1.0 * DEG
-"""Flipper rate above which its tip slides [rad/s]."""
+STILL_RAD_S = FLIPPER_RAD_S / 16.0
+"""Flipper rate above which its tip slides [rad/s]: a sixteenth of that by which ways are timed, 8 mm/s at the wheelchair's tip. Not
+varied yet."""
 FOLLOWS = ("approach", "mount", "climb", "crest", "land", "edge", "descend", "leave")
 """States in which the follower commands the chair near the ends of a flight."""
 

@@ -199,6 +199,10 @@ class Flipper(Settings):
     mass_kg: Mass
 
 
+TAKEN = ("chair", "seat", "load", "flat", "approach", "flipper", "track", "bar", "slider", "world")
+"""Names of the bodies, sections and drawn parts that every vehicle may have."""
+
+
 class BeltSection(Settings):
     """Further section of the belts, on both sides, between two axes: a second pair of flippers, or a fixed ramp.
 
@@ -336,7 +340,7 @@ class ChairDescription(Settings):
     def _sections_are_apart(self) -> "ChairDescription":
         names = [section.name for section in self.belt]
         for section in self.belt:
-            if names.count(section.name) > 1 or section.name in ("chair", "seat", "load", "flipper"):
+            if names.count(section.name) > 1 or section.name in TAKEN:
                 raise ValueError(f"two sections of the vehicle are called '{section.name}'; give each belt a name of its own")
             if section.follows and self.flipper is None:
                 raise ValueError(f"belt '{section.name}' follows the flipper, and the vehicle has no [flipper]")
@@ -445,11 +449,6 @@ class ChairDescription(Settings):
     def swept_half_m(self) -> float:
         """Half width of the volume swept in straight motion [m]."""
         return self.half_width_m + SWEPT_SPARE_M
-
-    @property
-    def flippers_kg(self) -> float:
-        """Mass of all flippers [kg]."""
-        return sum(motor.mass_kg for motor in (self.flipper, *(section.flipper for section in self.belt)) if motor is not None)
 
     @property
     def reach_m(self) -> float:

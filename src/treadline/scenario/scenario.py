@@ -287,9 +287,8 @@ class Scenario(Printable, Settings):
         Raises:
             SettingsError: If no such chair or camera exists, or its file is invalid.
         """
-        chair = read_chair(self.chair.model)
-        if self.chair.faces is not None:
-            chair = chair.model_copy(update={"faces": self.chair.faces})
+        own = {} if self.chair.faces is None else {"faces": self.chair.faces}
+        chair = read_chair(self.chair.model).model_copy(update=own)
         if self.sensors.camera_name == "kinect1":
             return chair
         device = read_camera(file_named(self.sensors.camera_name, CAMERAS))

@@ -328,7 +328,6 @@ def _with_flippers(chair: ChairDescription, angle_rad: float | None) -> tuple[fl
     total = chair.masses.chassis_kg
     x, y, z = (total * place for place in chair.masses.chassis_com_m)
     for section in sections(chair):
-        if section.motor is not None:
-            (start_x, start_z), (end_x, end_z), kg = section.start_m, section.end_m(angle), section.motor.mass_kg
-            total, x, z = total + kg, x + 0.5 * kg * (start_x + end_x), z + 0.5 * kg * (start_z + end_z)
+        (start_x, start_z), (end_x, end_z), kg = section.start_m, section.end_m(angle), section.mass_kg
+        total, x, z = total + kg, x + 0.5 * kg * (start_x + end_x), z + 0.5 * kg * (start_z + end_z)
     return total, (x / total, y / total, z / total)

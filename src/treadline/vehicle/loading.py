@@ -26,7 +26,7 @@ class Loading:
     @property
     def weight_n(self) -> float:
         """Weight of chair and payload [N]."""
-        return GRAVITY_M_S2 * (self.chair.masses.chassis_kg + self.chair.flippers_kg + self.seat_kg)
+        return GRAVITY_M_S2 * (self.chair.masses.chassis_kg + sum(part.mass_kg for part in sections(self.chair)) + self.seat_kg)
 
 
 def centre_of_mass_level(loading: Loading, pitch_rad: float) -> tuple[float, float]:
@@ -37,7 +37,7 @@ def centre_of_mass_level(loading: Loading, pitch_rad: float) -> tuple[float, flo
     (hx, _, hz), (px, _, pz) = chair.payload_origin_m, chair.payload_com_m
     chassis, (cx, _, cz) = chair.masses.chassis_kg, chair.masses.chassis_com_m
     # A flipper's own centre is not far from its axis when the plumb line passes the nosing.
-    parts = [(part.motor.mass_kg, *part.start_m) for part in sections(chair) if part.motor is not None]
+    parts = [(part.mass_kg, *part.start_m) for part in sections(chair)]
     parts += [(chassis, cx, cz), (loading.seat_kg, hx + c * px + s * pz, hz - s * px + c * pz)]
     total = sum(kg for kg, _, _ in parts)
     x, z = (sum(part[0] * part[axis] for part in parts) / total for axis in (1, 2))

@@ -41,6 +41,11 @@ class Section:
     follows: bool = False
     """Whether its joint turns as the flipper does."""
 
+    @property
+    def mass_kg(self) -> float:
+        """Mass of a section with a joint [kg]; 0 of a fixed one, which is part of the chassis."""
+        return 0.0 if self.motor is None else self.motor.mass_kg
+
     def direction_rad(self, flipper_rad: float) -> float:
         """Return the direction of its end from its start above B's x axis at an angle of the flipper [rad]."""
         return self.zero_rad + self.raises * (flipper_rad if self.follows else self.stays_rad)
