@@ -99,6 +99,7 @@ class StairEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         self.sink: Sink | None = None
         """Receives all readings and the ground truth of each tick, for a recording; steps without a sink are faster."""
         self._plant: MujocoPlant | None = None
+        self._observer: Oracle | Tracker
         self._episodes = 0
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict[str, Any]]:
@@ -110,9 +111,9 @@ class StairEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         plant, scenario = self._opened(), self.scenario
         plant.start()
         sign, self._step = 1.0 if scenario.drive.direction == "up" else -1.0, 0
-        self._ending = Ending(scenario, self.chair)
-        half_m = 0.5 * self.chair.tracks.flat_run_m
-        self._observer = Oracle(plant.staircase, sign) if self.see == "oracle" else Tracker(sign, half_m)
+        self._ending.restart()
+        if self.see == "tracker":
+            self._observer = Tracker(sign, 0.5 * self.chair.tracks.flat_run_m)
         state, truth = self._sense()
         self.way_m = self._ending.way_m(truth.x_m, on_flight=self.task.on_flight)
         self._sign, self._furthest_m = sign, sign * truth.x_m
@@ -167,6 +168,8 @@ class StairEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         self.scenario, self._episodes = self._draw(seed), 0
         self.chair: ChairDescription = self.scenario.read_chair()
         self._plant = open_plant(self.scenario, seed, chair=self.chair, physics=self._physics)
+        self._ending = Ending(self.scenario, self.chair)
+        self._observer = Oracle(self._plant.staircase, 1.0 if self.scenario.drive.direction == "up" else -1.0)
         if self._friction is not None:
             self._plant.set_friction(self._friction)
 

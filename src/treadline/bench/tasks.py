@@ -1,5 +1,6 @@
 """Tasks of StairBench: distributions of scenarios, and what each counts as arrival."""
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -10,6 +11,7 @@ import numpy as np
 
 from treadline.campaign.spec import Spec, read_spec
 from treadline.core.errors import SettingsError, closest
+from treadline.core.printing import plain
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import SHIPPED, Scenario
 from treadline.scenario.shipped_files import DATA
@@ -66,7 +68,7 @@ def draw(name: str, seed: int, *, see: See, vehicle: str, changes: Mapping[str, 
     """
     task = task_named(name)
     fixed = {**task.fixed, **SENSORS[see], "chair.model": vehicle, **(changes or {})}
-    spec = _spec(task.file, tuple(fixed.items()))
+    spec = _spec(task.file, json.dumps(plain(fixed)))
     drawn = spec.at(np.random.default_rng(seed).random(spec.dimension).tolist(), f"{name}, seed {seed}").scenario
     rating, chair = read_chair(vehicle).rating, drawn.chair
     if rating is None or chair.payload_kg <= rating.payload_kg:
@@ -88,5 +90,5 @@ def task_named(name: str) -> Task:
 
 
 @cache
-def _spec(file: Path, fixed: tuple[tuple[str, object], ...]) -> Spec:
-    return read_spec(file, dict(fixed))
+def _spec(file: Path, fixed: str) -> Spec:
+    return read_spec(file, json.loads(fixed))

@@ -52,7 +52,7 @@ def bench(
         if error.name != "gymnasium":
             raise
         raise SettingsError("treadline bench needs gymnasium, which is missing; pip install 'treadline[bench]'") from None
-    count = episodes or (ALL_EPISODES if full else EPISODES)
+    count = (ALL_EPISODES if full else EPISODES) if episodes is None else episodes
     if count < 1:
         raise SettingsError(f"--episodes is {count}; at least 1")
     claim(out, force=force)

@@ -37,8 +37,12 @@ class Ending:
         self.end_x_m = staircase.alone(0).last_nosing_m - 0.5 * chair.tracks.flat_run_m
         """Place at which a run of a flight alone ends [m]: it is the first, with the front pulley at its last nosing."""
         self._is_up = scenario.drive.direction == "up"
-        self._slide = SlideWatch(upward=self._is_up)
+        self.restart()
         self._rearms_until_s = math.inf if attended else rearms_until_s(scenario.operator)
+
+    def restart(self) -> None:
+        """Begin a further run of the same scenario."""
+        self._slide = SlideWatch(upward=self._is_up)
 
     def fall(self, truth: Truth) -> tuple[str, str] | None:
         """Return the verdict ``fell`` and its cause, or None. Call in order of time: the slide is integrated."""
