@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float
 
-from treadline.core.angles import DEG, wrap
+from treadline.core.angles import DEG, to_side, wrap
 from treadline.core.arrays import cross
 from treadline.core.rotations import Vector3
 from treadline.core.step_sizes import RISE_M
@@ -70,11 +70,11 @@ class SeenStep:
     edge, and no end of the tread, is in view."""
 
     def __str__(self) -> str:
-        side = "left" if self.direction_rad > 0.0 else "right"
         far_m = 0.5 * (self.edge_m[0][0] + self.edge_m[1][0])
-        turned = f"turned by {abs(self.direction_rad) / DEG:.1f} ± {1.96 * self.sigma_rad / DEG:.1f}° to the {side}"
+        turned = to_side(self.direction_rad, self.sigma_rad)
         deep = f", {self.depth_m[1]:.2f} m deep" if self.depth_m is not None else ""
-        return f"{self.kind} {'down' if self.rise_m < 0.0 else 'up'} {abs(self.rise_m):.3f} m at {abs(far_m):.2f} m, {turned}{deep}"
+        way = "down" if self.rise_m < 0.0 else "up"
+        return f"{self.kind} {way} {abs(self.rise_m):.3f} m at {abs(far_m):.2f} m, turned by {turned}{deep}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,8 +91,7 @@ class SeenTurn:
     """Whether a landing lies between; else winders follow."""
 
     def __str__(self) -> str:
-        side = "left" if self.turn_rad > 0.0 else "right"
-        turn = f"{abs(self.turn_rad) / DEG:.1f} ± {1.96 * self.sigma_rad / DEG:.1f}° to the {side}"
+        turn = to_side(self.turn_rad, self.sigma_rad)
         return f"turns by {turn} after {self.after} step(s) in view, {'on a landing' if self.on_landing else 'on winders'}"
 
 
