@@ -27,8 +27,7 @@ from treadline.core.rotations import Rotation, Vector3, rotation_z
 from treadline.perception._gravity_direction import BUNDLE, BUNDLE_BLOCKS, MIDDLES, levelled
 from treadline.perception._lattice import TREAD_GAP_M, UPRIGHT
 from treadline.perception._lattice_kernels import SIGMAS
-from treadline.perception._plane_segmentation import BLOCK_RESIDUAL, PlanarBlocks
-from treadline.perception._plane_segmentation_kernels import planes_along
+from treadline.perception._plane_segmentation import PlanarBlocks, planes_of
 from treadline.perception.detection import StairDetection, refused
 
 FRAMES = 20
@@ -272,19 +271,17 @@ def _equations(
 
 def _planes(
     blocks: PlanarBlocks, chosen: Bool[np.ndarray, " b"], M: Rotation, direction: Vector3
-) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, " p"]]:
+) -> tuple[Float[np.ndarray, "p 3"], Int[np.ndarray, " p"]]:
     """Return the planes among blocks of a transformed image, as n with n·p = 1, and their numbers of blocks.
 
     The mean of noisy normals would be biased.
     """
     along = np.linalg.inv(M).T @ direction
-    along /= np.linalg.norm(along)
-    limit = BLOCK_RESIDUAL * blocks.noise
-    found = planes_along(blocks.sums, blocks.centres, np.flatnonzero(chosen), along, TREAD_GAP_M, BUNDLE_BLOCKS, limit)
-    return found[2] @ M, np.diff(found[1], prepend=0).astype(float)
+    planes, counts = planes_of(blocks, np.flatnonzero(chosen), along / np.linalg.norm(along), TREAD_GAP_M, BUNDLE_BLOCKS)
+    return planes @ M, counts
 
 
-def _mean(normals: Float[np.ndarray, "p 3"], counts: Float[np.ndarray, " p"]) -> Vector3:
+def _mean(normals: Float[np.ndarray, "p 3"], counts: Int[np.ndarray, " p"]) -> Vector3:
     """Return the mean unit normal of planes, weighted by their numbers of blocks."""
     mean = (counts / np.linalg.norm(normals, axis=1)) @ normals
     return np.asarray(mean / np.linalg.norm(mean))

@@ -23,7 +23,7 @@ from treadline.perception._lattice import LEAST_BLOCKS, RISER_GAP_M, RISER_SPREA
 from treadline.perception._lattice_kernels import RISE_IRREGULAR_M, SIGMAS
 from treadline.perception._nuisance import SIZES as WARPS
 from treadline.perception._nuisance import turns_of_surfaces
-from treadline.perception._plane_segmentation import Surface, surfaces_along
+from treadline.perception._plane_segmentation import Surface, planes_of, surfaces_along
 from treadline.perception._step_parts import TOP_SIGMA_M, TREAD_SIGMA_M, Axes, Flight, riser_of, riser_rows, viewing_direction
 from treadline.perception.free_ground import LEVEL_SIZE_M
 
@@ -227,14 +227,16 @@ def _uprights(scene: Scene, free: Bool[np.ndarray, " v"]) -> Iterator[Surface]:
         most = near[int(np.argmax(near.sum(axis=1)))]
         if np.count_nonzero(most) < LEAST_BLOCKS:
             return
-        azimuth, found = float(np.median(azimuths[most])), list[Surface]()
-        for _ in range(2):
-            axes, near_it = turned_axes(scene.level, azimuth), np.abs(azimuths - azimuth) < RISER_SPREAD
-            found = surfaces_along(
-                scene.blocks, upright[near_it], axes.ahead, scene.frame.camera, gap_m=RISER_GAP_M, least=LEAST_BLOCKS
-            )
-            if not found:
-                break
+        azimuth, near_it = float(np.median(azimuths[most])), most
+        planes, counts = planes_of(scene.blocks, upright[most], turned_axes(scene.level, azimuth).ahead, RISER_GAP_M, LEAST_BLOCKS)
+        if counts.size:
+            azimuth = _azimuth(scene, planes[counts.argmax()])
+            near_it = np.abs(azimuths - azimuth) < RISER_SPREAD
+        axes = turned_axes(scene.level, azimuth)
+        found = surfaces_along(
+            scene.blocks, upright[near_it], axes.ahead, scene.frame.camera, gap_m=RISER_GAP_M, least=LEAST_BLOCKS
+        )
+        if found:
             azimuth = _azimuth(scene, max(found, key=lambda surface: surface.blocks.size).unit)
         parallel = [surface for surface in found if abs(_azimuth(scene, surface.unit) - azimuth) < TURNED]
         for surface in parallel:
