@@ -103,21 +103,24 @@ def scene_of(frame: RgbdFrame, blocks: PlanarBlocks, down: Vector3, *, is_uncert
     rise = blocks.unit @ down
     slack = TURN_SIGMAS * blocks.turns * is_uncertain
     upright = np.flatnonzero(np.abs(rise) < np.sin(np.minimum(UPRIGHT + slack, 0.5 * np.pi)))
-    level_blocks = (np.abs(rise) > np.cos(UPRIGHT)) & (blocks.turns <= TURN_LIMIT)
-    flat = np.flatnonzero(level_blocks)
-    surfaces = surfaces_along(blocks, flat, level.up, frame.camera, gap_m=TREAD_GAP_M, least=LEAST_BLOCKS)
-    # A horizontal surface above the camera is the underside of an object.
-    kept = [s for s in surfaces if _turned_from(s, level.up) < UPRIGHT and float(s.centre @ level.up) < 0.0]
     units = blocks.unit[upright]
     return Scene(
         frame=frame,
         blocks=blocks,
         level=level,
-        treads=[tread_of(surface, frame.camera) for surface in kept],
+        treads=levels_of(frame.camera, blocks, level, TREAD_GAP_M),
         upright=upright,
         azimuth=np.arctan2(units @ level.right, units @ level.ahead),
         slack=slack[upright],
     )
+
+
+def levels_of(camera: PinholeCamera, blocks: PlanarBlocks, level: Axes, gap_m: float) -> list[Tread]:
+    """Return the horizontal surfaces below the camera, separated by a difference of height: above are undersides of objects."""
+    flat = np.flatnonzero((np.abs(blocks.unit @ level.up) > np.cos(UPRIGHT)) & (blocks.turns <= TURN_LIMIT))
+    surfaces = surfaces_along(blocks, flat, level.up, camera, gap_m=gap_m, least=LEAST_BLOCKS)
+    kept = (s for s in surfaces if _turned_from(s, level.up) < UPRIGHT and float(s.centre @ level.up) < 0.0)
+    return [tread_of(surface, camera) for surface in kept]
 
 
 def flight_in(scene: Scene) -> Flight | str:

@@ -25,7 +25,7 @@ from treadline.perception._form import bow_of, lateral_ends_of, sides_of
 from treadline.perception._gravity_direction import GRAVITY_SIGMA, down_of_treads, levelled, off_gravity
 from treadline.perception._lattice import EVIDENCE, LEAST_BLOCKS, UNCONFIRMED, UPRIGHT, Scene, flight_in, scene_of
 from treadline.perception._plane_segmentation import PlanarBlocks, Surface, reduced, surface_blocks, uncertain_blocks
-from treadline.perception._single_step import shape_of_single, single_step_in
+from treadline.perception._single_step import lowest_step_in, shape_of_single, single_step_in
 from treadline.perception._stair_map import map_of
 from treadline.perception._stair_shape import axes_of, shape_of, stair_axes_of
 from treadline.perception._step_parts import Axes, Flight, viewing_direction
@@ -152,7 +152,8 @@ class _Search:
 
     def _steps_without_flight(self, down: _Down, scene: Scene) -> tuple[SeenStep, ...]:
         """Return the kerb of a scene without an accepted flight, or the steps that stand on each other."""
-        kerb = single_step_in(scene, self.swept_half_m or SWEPT_HALF_M)
+        half_m = self.swept_half_m or SWEPT_HALF_M
+        kerb = single_step_in(scene, half_m) or lowest_step_in(scene, half_m)
         return steps_without_flight(scene) if kerb is None else steps_of(scene, kerb, self._fit(down, scene, kerb))
 
     def _fit(self, down: _Down, scene: Scene, flight: Flight) -> EdgeFit:

@@ -294,7 +294,7 @@ def _facing_normal(
 
     Blocks over the edge of a tread lean towards its normal. Blocks overlap by half of their width and height.
     """
-    order, weights = np.argsort(leans), turns**-2.0
+    order, weights = np.argsort(leans), 1.0 / (turns**2 + SURFACE_SIGMA**2)
     middle = leans[order][np.searchsorted(np.cumsum(weights[order]), 0.5 * weights.sum())]
     weights = np.where(np.abs(leans - middle) < BUNDLE, weights, 0.0) / weights.sum()
     mean = weights @ unit
