@@ -15,8 +15,8 @@ from treadline.core.printing import Printable
 from treadline.core.rotations import Vector3
 from treadline.perception.calibration_gate import calibration_evidence, gated
 from treadline.perception.detection import StairDetection
-from treadline.perception.detector import DetectorConfig, StairDetector
-from treadline.perception.free_ground import SWEPT_HALF_M, GroundProfile, ground_ahead
+from treadline.perception.detector import StairDetector
+from treadline.perception.free_ground import GroundProfile, ground_ahead
 from treadline.perception.overlay import overlay
 from treadline.perception.steps import SeenStep
 from treadline.scenario.camera_file import CameraFile, calibration_in
@@ -104,8 +104,13 @@ def detect_ground(
     frame, down = _one(depth_m, camera, gravity)
     if down is None:
         down = np.asarray(frame.camera.R_BC.T @ np.array([0.0, 0.0, -1.0]))
-    profile = ground_ahead(frame, down / max(float(np.linalg.norm(down)), 1e-9))
-    return GroundDetection(profile=profile, steps=StairDetector(DetectorConfig(swept_half_m=SWEPT_HALF_M)).look(frame, down).steps)
+    return ground_with(StairDetector().look(frame, down), frame, down)
+
+
+def ground_with(sight: StairDetection, frame: RgbdFrame, gravity_C: Vector3) -> GroundDetection:
+    """Return the ground ahead in a frame whose steps have been detected."""
+    profile = ground_ahead(frame, gravity_C / max(float(np.linalg.norm(gravity_C)), 1e-9))
+    return GroundDetection(profile=profile, steps=sight.steps)
 
 
 def _one(
