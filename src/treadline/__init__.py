@@ -4,8 +4,9 @@
 
 * ``tl.scenarios()``: names of the shipped scenarios, and a line about each.
 * ``tl.read_scenario(name, set={"stair.slope_deg": 30})``: ``tl.Scenario`` of a file or a name, with changes.
-* ``tl.check(scenario, set=...)``: mechanical feasibility of a scenario.
-* ``tl.climb(scenario, controller=None, seed=0, set=...)``: one simulated traversal, a ``tl.Run``.
+* ``tl.check(scenario, set=...)``: mechanical feasibility of a scenario; a refusal is false.
+* ``tl.climb(scenario, controller=None, seed=0, set=...)``: one simulated traversal, a ``tl.Run``: save, report, view, plot.
+* ``tl.sweep(spec, runs, out=...)``: many traversals, sampled from distributions, a ``tl.Sweep``.
 * ``tl.read_frames(path)``: frames of a depth image, a point cloud, an elevation map, a folder, or a log.
 * ``tl.frame_of_points(points)``: frame of an array of points of one view.
 * ``tl.detect_stair(frame)``: heading and geometry of the stair in one frame, or in a depth image with its camera.
@@ -13,6 +14,7 @@
 * ``tl.identify(u, y, dt)``: linear model of arrays, data frames or logs, ``tl.Identified``, with ``tl.IdentificationOptions``.
 * ``tl.load_model(path)``: ``tl.LinearModel`` from a file.
 * ``tl.tune(model)``: LQR gain and observer of a model, which ``tl.climb`` takes.
+* ``tl.export(controller, out)``: a controller as C99 or JSON.
 """
 
 import sys
@@ -31,16 +33,19 @@ _MODULE_OF = {
     "LinearModel": "treadline.core.models",
     "Run": "treadline.api",
     "Scenario": "treadline.scenario",
+    "Sweep": "treadline.api",
     "check": "treadline.api",
     "climb": "treadline.api",
     "detect_ground": "treadline.io.frames.single_frame",
     "detect_stair": "treadline.io.frames.single_frame",
+    "export": "treadline.api",
     "frame_of_points": "treadline.io.frames",
     "identify": "treadline.api",
     "load_model": "treadline.api",
     "read_frames": "treadline.io.frames",
     "read_scenario": "treadline.api",
     "scenarios": "treadline.api",
+    "sweep": "treadline.api",
     "tune": "treadline.api",
 }
 """Module of each public name. Named by text, so that importing the package, or one of its blocks, loads none of them."""

@@ -1,10 +1,13 @@
 from treadline.api import Run as Run
+from treadline.api import Sweep as Sweep
 from treadline.api import check as check
 from treadline.api import climb as climb
+from treadline.api import export as export
 from treadline.api import identify as identify
 from treadline.api import load_model as load_model
 from treadline.api import read_scenario as read_scenario
 from treadline.api import scenarios as scenarios
+from treadline.api import sweep as sweep
 from treadline.api import tune as tune
 from treadline.core.models import LinearModel as LinearModel
 from treadline.identification import Identified as Identified

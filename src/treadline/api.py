@@ -5,8 +5,13 @@ Nothing heavy is imported at the top: each function loads what it needs.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from functools import partial
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias, Unpack
+from shutil import copyfile, copytree, rmtree
+from tempfile import mkdtemp
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, Unpack
+from weakref import finalize
 
 from treadline.core.errors import ModelError, SettingsError, TreadlineError, closest
 from treadline.core.printing import Printable
@@ -16,6 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
+    from treadline.campaign.spec import Spec
     from treadline.core.models import ControllerDesign, InputOutputRecord, LinearModel, Reconstruct
     from treadline.identification import IdentificationOptions, Identified
     from treadline.identification.options import IdentificationKeywords
@@ -25,6 +31,7 @@ if TYPE_CHECKING:
     from treadline.run.verdict import CheckReport
     from treadline.scenario import Scenario
 
+    Source: TypeAlias = str | Path | Scenario | Mapping[str, object]
     Data: TypeAlias = ArrayLike | InputOutputRecord | str | Path
 
 OnProgress = Callable[[float, float], None]
@@ -46,11 +53,12 @@ def scenarios() -> dict[str, str]:
     return PrintedDict("shipped scenarios", {name: line.removeprefix("# ") for name, line in first.items()})
 
 
-def read_scenario(scenario: "str | Path | Scenario", *, set: "Mapping[str, object] | None" = None) -> "Scenario":  # noqa: A002 - as --set
+def read_scenario(scenario: "Source", *, set: "Mapping[str, object] | None" = None) -> "Scenario":  # noqa: A002 - as --set
     """Return a scenario, for instance to change it.
 
     Args:
-        scenario: Scenario file, the name of a shipped scenario, or a scenario.
+        scenario: Scenario file, the name of a shipped scenario, a scenario, or what a file holds as a dict of its tables. There a
+            dict stands for the files of chair and camera as well: ``{"chair": {"model": {...}}}``.
         set: Values in place of the scenario's, by dotted key; ``treadline check --keys`` lists the keys. A key that cannot stand
             next to one of them is left out, such as ``rise_m`` next to ``slope_deg``.
 
@@ -61,31 +69,35 @@ def read_scenario(scenario: "str | Path | Scenario", *, set: "Mapping[str, objec
         >>> import treadline as tl
         >>> tl.read_scenario("up-28", set={"stair.slope_deg": 30, "stair.run_m": 0.28}).stair.run_m
         0.28
+        >>> tl.read_scenario({"stair": {"steps": 6}}).stair.steps
+        6
     """
     from treadline.scenario import Scenario, with_values
     from treadline.scenario import read_scenario as read
 
     if isinstance(scenario, Scenario):
         return with_values(scenario.model_dump(), set) if set else scenario
+    if isinstance(scenario, Mapping):
+        return with_values(scenario, set or {})
     if not isinstance(scenario, str | Path):
         known = ", ".join(scenarios())
         raise SettingsError(
-            f"scenario is of type {type(scenario).__name__}; give a file, a shipped name ({known}) or a tl.Scenario"
+            f"scenario is of type {type(scenario).__name__}; give a file, a shipped name ({known}), a tl.Scenario or a dict"
         )
     return read(scenario, set)
 
 
-def check(scenario: "str | Path | Scenario", *, set: "Mapping[str, object] | None" = None) -> "CheckReport":  # noqa: A002 - as --set
+def check(scenario: "Source", *, set: "Mapping[str, object] | None" = None) -> "CheckReport":  # noqa: A002 - as --set
     """Return the mechanical feasibility of a scenario: track length, traction, stability and seat range.
 
     No controller is needed, so that the answer is available for a chair for which none exists yet.
 
     Args:
-        scenario: Scenario file, the name of a shipped scenario, or a scenario.
-        set: Values in place of the scenario's, by dotted key, as in ``tl.read_scenario``.
+        scenario, set: As for ``tl.read_scenario``.
 
     Returns:
-        The report; ``report.verdict`` is ``go`` or ``refuse``, ``report.reasons`` lists why.
+        The report, which is true if the scenario may be driven: ``report.verdict`` is ``go`` or ``refuse``, ``report.reasons``
+        lists why.
 
     Raises:
         SettingsError: If the scenario or its chair cannot be read, or a value is out of range.
@@ -95,8 +107,8 @@ def check(scenario: "str | Path | Scenario", *, set: "Mapping[str, object] | Non
         >>> import treadline as tl
         >>> tl.check("up-28").verdict
         'go'
-        >>> tl.check("up-28", set={"stair.slope_deg": 44}).verdict
-        'refuse'
+        >>> bool(tl.check("up-28", set={"stair.slope_deg": 44}))
+        False
     """
     from treadline.run.resolve import checked
 
@@ -271,7 +283,7 @@ def tune(
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+@dataclass(frozen=True, slots=True, weakref_slot=True, kw_only=True, eq=False, repr=False)
 class Run(Printable):
     """Result of one simulated traversal, as ``tl.climb`` returns it.
 
@@ -280,12 +292,16 @@ class Run(Printable):
         >>> run = tl.climb("default", set={"drive.duration_s": 0.5, "sensors.camera": "statistical"})
         >>> run.verdict, len(run.series["heading_deg"])
         ('time_up', 51)
-        >>> figure = run.plot()
-        >>> figure.savefig("run.svg")
+        >>> run.plot().savefig("run.svg")
+        >>> run.plot("pitch_deg", "y_m").savefig("pitch.svg")
+        >>> run.report("run.html").name
+        'run.html'
     """
 
     episode: "Traverse"
     """The run with its ground truth at every tick."""
+    folder: Path | None = None
+    """Run folder; None of a run that was rejected. Without ``out`` a temporary one, which is removed with the run."""
     rejections: tuple[str, ...] = ()
     """Reasons of ``check`` for which the scenario was not run."""
 
@@ -318,17 +334,75 @@ class Run(Printable):
 
         return PrintedDict("time series at 100 Hz", series(self.episode.trace, self.episode.estimate_rad))
 
-    def plot(self) -> "Figure":
-        """Return the matplotlib figure of the run: heading, pitch, seat, belts, place and tip-over margin over time.
+    def __bool__(self) -> bool:
+        """Return whether the run did what was asked: it arrived, or lasted as long as it was to."""
+        from treadline.io.runs import SUCCEEDED
+
+        return self.verdict in SUCCEEDED
+
+    def frame(self) -> Any:
+        """Return the time series as a data frame of pandas, with the time as index.
 
         Raises:
+            TreadlineError: If pandas is not installed.
+        """
+        return _pandas("run.frame()").DataFrame(self.series).set_index("t_s")
+
+    def plot(self, *what: str) -> "Figure":
+        """Return the matplotlib figure of the run: heading, pitch, seat, belts, place and tip-over margin over time.
+
+        Args:
+            what: Columns of ``series`` to draw instead.
+
+        Raises:
+            SettingsError: If there is no such column.
             TreadlineError: If the run ended before its first tick.
         """
         from treadline.report.run_figure import single_run
 
+        series = self.series
         if len(self.episode.trace["t_s"]) < 2:
             raise TreadlineError(f"nothing to plot: the run ended before its first tick ({self.verdict}: {self.cause})")
-        return single_run(self.series, self.episode.phases)
+        unknown = next((name for name in what if name not in series), None)
+        if unknown is not None:
+            raise SettingsError(f"the run has no column '{unknown}'; known here: {', '.join(series)}")
+        return single_run(series, self.episode.phases, columns=what)
+
+    def save(self, folder: str | Path) -> Path:
+        """Copy the run folder, as ``treadline climb --out`` writes it, and return its path; a run that is there is replaced."""
+        from treadline.io.runs import clear_run
+
+        source, target = self._written(), Path(folder)
+        clear_run(target)
+        return Path(copytree(source, target, dirs_exist_ok=True))
+
+    def report(self, file: str | Path | None = None) -> Path:
+        """Write the page of the run, as ``treadline report`` does, and return its path.
+
+        Args:
+            file: HTML file; ``report.html`` in the run folder when left out.
+        """
+        from treadline.report import write_report
+
+        page = write_report(self._written())
+        return page if file is None else Path(copyfile(page, file))
+
+    def view(self, *, open_browser: bool = True) -> None:
+        """Show the run in the browser, as ``treadline view`` does, until Ctrl-C."""
+        from treadline.view.opening import open_recorded
+        from treadline.view.serving import serve
+
+        serve("view", partial(open_recorded, str(self._written())), no_browser=not open_browser)
+
+    def _written(self) -> Path:
+        """Return the run folder.
+
+        Raises:
+            TreadlineError: If the run was rejected.
+        """
+        if self.folder is None:
+            raise TreadlineError(f"there is no run folder: the run was rejected: {self.cause}")
+        return self.folder
 
     def printed(self) -> tuple[str, list[tuple[str, str]]]:
         """Return the title and the most important scores."""
@@ -348,7 +422,7 @@ class Run(Printable):
 
 
 def climb(
-    scenario: "str | Path | Scenario",
+    scenario: "Source",
     controller: "ControllerSource" = None,
     seed: int = 0,
     *,
@@ -365,7 +439,7 @@ def climb(
     A scenario that fails ``check``, even after shifting the seat by up to 0.10 m, is not run, and leaves no run folder.
 
     Args:
-        scenario: Scenario file, the name of a shipped scenario, or a scenario.
+        scenario: As for ``tl.read_scenario``.
         controller: Controller file or design, plug-in class, ``module:Class``, or entry point name; the controller shipped for the
             vehicle when left out.
         seed: Random seed. The same seed gives byte-identical results.
@@ -373,7 +447,7 @@ def climb(
         detector: Stair detector: plug-in class, ``module:Class``, or entry point name.
         estimator: Heading estimator, likewise.
         plant: Simulator: mujoco, gazebo, or a factory of the plant.
-        out: Run folder to write, as ``treadline climb --out`` does; none when left out.
+        out: Run folder to write, as ``treadline climb --out`` does; a temporary one when left out, see ``Run.save``.
         log_images: Keep every frame in the log of the run folder.
         on_progress: Receives the mission time and the time limit [s] at each tick.
 
@@ -385,7 +459,7 @@ def climb(
         >>> tl.climb("up-28", set={"drive.duration_s": 0.5, "sensors.camera": "statistical"}, seed=1).verdict
         'time_up'
     """
-    from treadline.run.episode import rejected_run, run_episode
+    from treadline.run.episode import rejected_run
     from treadline.run.recorded_run import recorded_run
     from treadline.run.resolve import resolve
 
@@ -394,6 +468,213 @@ def climb(
         return Run(episode=rejected_run(setup), rejections=setup.rejections)
     limit_s = setup.scenario.drive.duration_s
     watch = None if on_progress is None else lambda tick: on_progress(tick.t_s, limit_s)
+    folder = Path(mkdtemp(prefix="treadline-"), "run") if out is None else Path(out)
+    run = Run(episode=recorded_run(folder, setup, image_every=int(log_images), watch=watch), folder=folder)
     if out is None:
-        return Run(episode=run_episode(setup, watch=watch))
-    return Run(episode=recorded_run(Path(out), setup, image_every=int(log_images), watch=watch))
+        finalize(run, rmtree, folder.parent, ignore_errors=True)
+    return run
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class Sweep(Printable):
+    """Result of many simulated traversals, as ``tl.sweep`` returns it; true if no run fell or failed.
+
+    Examples:
+        >>> import treadline as tl
+        >>> slopes = {"drive": {"duration_s": 1}, "draw": [{"key": "stair.slope_deg", "uniform": [24, 28]}]}
+        >>> swept = tl.sweep(slopes, 1, out="slopes", set={"sensors.camera": "statistical"}, workers=1)
+        >>> bool(swept), swept.summary["verdicts"]["time_up"]["count"]
+        (True, 1)
+    """
+
+    summary: dict[str, Any]
+    """What ``summary.json`` holds: ``runs``, ``verdicts`` with shares and bounds, ``scores``, ``worst`` and others."""
+    folder: Path
+    """Folder of the results: runs.csv, report.html, journal.jsonl and the scenarios of the worst runs."""
+
+    def __bool__(self) -> bool:
+        """Return whether no run fell or failed."""
+        from treadline.campaign.sweep import has_failures
+
+        return not has_failures(self.summary)
+
+    def frame(self) -> Any:
+        """Return the runs as a data frame of pandas: drawn values, verdict and scores.
+
+        Raises:
+            TreadlineError: If pandas is not installed.
+        """
+        return _pandas("sweep.frame()").read_csv(self.folder / "runs.csv", index_col="index")
+
+    def printed(self) -> tuple[str, list[tuple[str, str]]]:
+        """Return the number of runs, and the share of each verdict with its bounds of 95 %."""
+        rows = []
+        for name, share in self.summary["verdicts"].items():
+            low, high = (100.0 * bound for bound in share["bounds"])
+            rows.append((name, f"{share['count']} ({100.0 * share['share']:.1f} %, {low:.1f} to {high:.1f})"))
+        return f"{self.summary['runs']} runs; report: {self.summary['report']}", rows
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunScenario:
+    """Function from a scenario and a seed to the summary of one run, for the processes of a campaign.
+
+    Plug-ins are named by text, so that each process loads them itself.
+    """
+
+    controller: str | None = None
+    detector: str | None = None
+    estimator: str | None = None
+
+    def __call__(self, scenario: "Scenario", seed: int, watched_s: float) -> "Mapping[str, Any]":
+        """Return the summary of one run; a held chair is simulated for ``watched_s`` more seconds."""
+        from treadline.campaign.sweep import view_of
+        from treadline.playback import RecordingBuilder
+        from treadline.run.episode import run_episode
+        from treadline.run.resolve import resolve
+
+        setup = resolve(scenario, self.controller, seed, detector=self.detector, estimator=self.estimator)
+        builder = RecordingBuilder(setup.mission.chair, setup.scenario, seed=seed)
+        summary = run_episode(setup, sink=builder, after_hold_s=watched_s).summary()
+        return summary | view_of(builder.build())
+
+
+def sweep(
+    spec: "str | Path | Mapping[str, object] | Spec",
+    runs: int,
+    seed: int = 0,
+    *,
+    out: str | Path,
+    set: "Mapping[str, object] | None" = None,  # noqa: A002 - as --set
+    controller: str | None = None,
+    detector: str | None = None,
+    estimator: str | None = None,
+    sampling: Literal["random", "sobol"] = "random",
+    workers: int | None = None,
+    cluster: str | None = None,
+    resume: bool = False,
+    replace: bool = False,
+    adversarial: bool = False,
+    score: str = "min_stability_margin_deg",
+    on_begin: Callable[[int], None] | None = None,
+    on_run: "Callable[[Mapping[str, Any], int], None] | None" = None,
+) -> Sweep:
+    """Return the results of many simulated traversals, sampled from stated distributions.
+
+    The processes of a sweep import the main program anew: in a script, call this under ``if __name__ == "__main__":``.
+
+    Args:
+        spec: Scenario file with ``[[draw]]`` tables, name of a shipped one, or what such a file holds as a dict.
+        runs: Number of runs; with ``resume`` it lengthens an existing sweep. An adversarial search runs whole generations.
+        seed: Random seed of the samples and of the runs; run k does not depend on the number of runs.
+        out: Folder of the results.
+        set: Values that hold in every run, by dotted key, as in ``tl.read_scenario``.
+        controller: Controller file, ``module:Class``, or entry point name: text, since each process loads it.
+        detector: Stair detector, likewise.
+        estimator: Heading estimator, likewise.
+        sampling: Independent random samples, or a Sobol sequence.
+        workers: Number of processes; the number of cores when left out.
+        cluster: Address of a Dask scheduler, or ``local`` to start one here.
+        resume: Whether to continue the sweep in the folder, which must be the same sweep.
+        replace: Whether to replace an existing sweep.
+        adversarial: Whether to search for the worst score within the ranges instead of sampling.
+        score: Score that ranks the worst runs, and that the search minimises.
+        on_begin: Receives the number of runs to execute.
+        on_run: Receives the row of each run as it ends, and the number of runs left.
+
+    Raises:
+        SettingsError: If the spec, an option or a plug-in is invalid, or the folder holds another sweep.
+
+    Examples:
+        >>> import treadline as tl
+        >>> slopes = {"drive": {"duration_s": 1}, "draw": [{"key": "stair.slope_deg", "uniform": [24, 28]}]}
+        >>> tl.sweep(slopes, 2, out="slopes", set={"sensors.camera": "statistical"}, workers=1).summary["runs"]
+        2
+    """
+    from treadline.campaign.spec import Spec, read_spec
+    from treadline.campaign.sweep import Cluster, Pool, SweepPlan, run_sweep
+    from treadline.core.processes import default_workers
+    from treadline.io.runs import JOURNAL, remove
+    from treadline.run.resolve import resolved_blocks
+
+    resolved_blocks(controller, detector, estimator)  # loaded once here, so that a mistake is found before a process starts
+    blocks = {"controller": controller, "detector": detector, "estimator": estimator}
+    plan = SweepPlan(
+        spec=spec if isinstance(spec, Spec) else read_spec(spec, set),
+        runs=runs,
+        seed=seed,
+        sampling=sampling,
+        adversarial=adversarial,
+        score=score,
+        climb_options=tuple(word for name, value in blocks.items() if value is not None for word in (f"--{name}", value)),
+    )
+    count, run = min(workers or default_workers(), plan.total), RunScenario(**blocks)
+    runners = Pool(run, count) if cluster is None else Cluster(run, cluster, count)
+    if replace:
+        remove(Path(out), (JOURNAL,))
+    begin, done = on_begin or (lambda _left: None), on_run or (lambda _row, _left: None)
+    return Sweep(summary=run_sweep(plan, Path(out), runners, resume=resume, begin=begin, done=done), folder=Path(out))
+
+
+def export(
+    controller: "ControllerDesign | str | Path",
+    out: str | Path,
+    to: Literal["c", "json"] = "c",
+    *,
+    chair: "str | Mapping[str, object] | None" = None,
+    allocation: Literal["climb-safe", "paper"] = "climb-safe",
+    reconstruct: Literal["observer", "static"] | None = None,
+    speed_m_s: float = 0.2,
+) -> list[Path]:
+    """Write a controller for other programs, and return the files: C99, or JSON with a log to test a copy with.
+
+    Args:
+        controller: Design that ``tl.tune`` returned, or its file.
+        out: Folder for the files.
+        to: Format: ``c`` or ``json``.
+        chair: Chair whose belt speed limit applies; that of the design when left out.
+        allocation: Allocation of a turn to the belts: climb-safe, or paper.
+        reconstruct: State reconstruction: ``observer``, or ``static`` for Eq. (11b); as in the design when left out.
+        speed_m_s: Climb speed: an input of every step in C, a setting in JSON.
+
+    Raises:
+        SettingsError: If the file or the chair is missing, or the speed is out of range.
+
+    Examples:
+        >>> import treadline as tl
+        >>> from treadline.scenario.shipped_files import shipped_controller
+        >>> [path.name for path in tl.export(shipped_controller("wheelchair"), "firmware")]
+        ['heading_controller.c', 'heading_controller.h', 'heading_log.h', 'heading_numbers.h', 'heading_selftest.c']
+    """
+    from treadline.control import ControllerConfig
+    from treadline.control.c_export import exported
+    from treadline.core.files import write_whole
+    from treadline.core.models import ControllerDesign
+    from treadline.scenario.chair import read_chair
+
+    if not 0.0 < speed_m_s <= 0.3:
+        raise SettingsError(f"the climb speed is {speed_m_s}; it must be above 0 and at most 0.3 m/s")
+    design = controller if isinstance(controller, ControllerDesign) else ControllerDesign.load(Path(controller))
+    config = ControllerConfig(
+        climb_speed_m_s=speed_m_s,
+        max_speed_m_s=read_chair(design.vehicle if chair is None else chair).drives.max_speed_m_s,
+        allocation=allocation,
+        reconstruct=reconstruct,
+        period_s=design.period_s,
+    )
+    files = {Path(out) / name: text for name, text in exported(to, design, config).items()}
+    for path, text in files.items():
+        write_whole(path, text)
+    return sorted(files)
+
+
+def _pandas(asks: str) -> Any:
+    """Return pandas.
+
+    Raises:
+        TreadlineError: If it is not installed.
+    """
+    try:
+        return import_module("pandas")
+    except ImportError:
+        raise TreadlineError(f"{asks} needs pandas: pip install pandas") from None

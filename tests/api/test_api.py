@@ -1,10 +1,12 @@
 """``import treadline as tl``: light, complete, and results that print."""
 
 import ast
+import gc
 import inspect
 import json
 import subprocess
 import sys
+import tomllib
 from collections.abc import Callable
 from dataclasses import fields, replace
 from pathlib import Path
@@ -18,14 +20,17 @@ from systems import system
 
 import treadline as tl
 from treadline import api
+from treadline.campaign.spec import read_spec
 from treadline.core.camera_images import NamedFrame
 from treadline.core.errors import ImageError, RecordError, SettingsError, TreadlineError
 from treadline.core.models import InputOutputRecord
 from treadline.scenario.scenario import Scenario
+from treadline.scenario.shipped_files import CAMERAS, CHAIRS
 
 PUBLIC = {
-    "IdentificationOptions", "Identified", "LinearModel", "Run", "Scenario", "check", "climb", "detect_ground", "detect_stair",
-    "frame_of_points", "identify", "load_model", "read_frames", "read_scenario", "scenarios", "tune",
+    "IdentificationOptions", "Identified", "LinearModel", "Run", "Scenario", "Sweep", "check", "climb", "detect_ground",
+    "detect_stair", "export", "frame_of_points", "identify", "load_model", "read_frames", "read_scenario", "scenarios", "sweep",
+    "tune",
 }  # fmt: skip
 SHORT = {"drive": {"duration_s": 0.5}, "sensors": {"camera": "statistical"}}
 
@@ -277,6 +282,64 @@ def test_a_run_has_scores_series_and_a_figure() -> None:
     np.testing.assert_array_equal(run.series["heading_deg"], again.series["heading_deg"])
 
 
+def test_a_run_is_saved_reported_and_drawn_without_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = tl.climb(SHORT)
+    named = tl.climb(SHORT, out=tmp_path / "named")
+    saved = run.save(tmp_path / "saved")
+    same = ("series.csv", "log.mcap")
+    assert {path.name for path in saved.iterdir()} == {path.name for path in (tmp_path / "named").iterdir()}
+    assert (saved / same[0]).read_bytes() == (named.save(saved) / same[0]).read_bytes()  # replaces the run that is there
+    assert "<svg" in run.report(tmp_path / "run.html").read_text()
+    assert [axes.get_title("left") for axes in run.plot("pitch_deg", "y_m").axes] == ["phase", "pitch [°]", "y [m]"]
+    with pytest.raises(SettingsError, match="no column 'speed'; known here: t_s, "):
+        run.plot("speed")
+    folder = run.folder
+    assert folder is not None
+    assert folder.is_dir()
+    del run
+    gc.collect()
+    assert not folder.parent.exists()
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(TreadlineError, match="pip install pandas"):
+        named.frame()
+
+
+def test_a_run_opens_in_the_viewer(monkeypatch: pytest.MonkeyPatch) -> None:
+    served: list[Any] = []
+
+    def serve(_verb: str, session: Callable[[], Any], *, no_browser: bool) -> None:
+        served.append((session(), no_browser))
+
+    monkeypatch.setattr("treadline.view.serving.serve", serve)
+    run = tl.climb(SHORT)
+    run.view(open_browser=False)
+    [(session, no_browser)] = served
+    assert (session.run.duration_s, no_browser) == (pytest.approx(0.5, abs=0.011), True)  # within one tick
+
+
+def test_files_may_be_given_as_tables(tmp_path: Path) -> None:
+    chair = tomllib.loads((CHAIRS / "wheelchair.toml").read_text())
+    camera = tomllib.loads((CAMERAS / "d455.toml").read_text())
+    tables = {"chair": {"model": chair, "payload_kg": 60.0}, "sensors": {"camera": camera}}
+    given, named = tl.read_scenario(tables), tl.read_scenario({"chair": {"payload_kg": 60.0}, "sensors": {"camera": "d455"}})
+    assert given.read_chair() == named.read_chair()
+    assert tl.check(tables).stability_margin_deg == tl.check(named).stability_margin_deg
+    spec = tables | {"drive": {"duration_s": 1.0}, "draw": [{"key": "stair.slope_deg", "uniform": [24.0, 28.0]}]}
+    (tmp_path / "spec.toml").write_text(read_spec(spec).text)
+    assert read_spec(tmp_path / "spec.toml").digest == read_spec(spec).digest
+    with pytest.raises(SettingsError, match=r"chair\.model"):
+        tl.check({"chair": {"model": chair | {"tracks": {}}}})
+    assert tl.detect_ground(np.full((480, 640), 1.5), camera).steps == tl.detect_ground(np.full((480, 640), 1.5), "d455").steps
+
+
+def test_a_refusal_is_false() -> None:
+    assert tl.check("up-28")
+    assert not tl.check("up-28", set={"stair.slope_deg": 44})
+    assert not tl.climb("up-28", set={"stair.slope_deg": 44})
+    assert not tl.detect_stair(np.full((424, 512), 1.5), "kinect2")
+    assert tl.climb(SHORT)  # it lasted as long as it was to
+
+
 def test_a_refused_run_prints_its_reason_and_has_no_figure() -> None:
     run = tl.climb(Scenario.model_validate({"stair": {"slope_deg": 44.0}}))
     assert run.verdict == "refused"
@@ -307,7 +370,7 @@ def test_a_set_value_holds_in_check_and_climb_and_stands_in_the_manifest(tmp_pat
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: tl.climb(42), r"scenario is of type int; give a file, a shipped name \(default, .*up-28\) or a tl.Scenario"),
+        (lambda: tl.climb(42), r"scenario is of type int; give a file, a shipped name \(default, .*up-28\), a tl.Sc.* or a dict"),
         (lambda: tl.check("up-28", set="stair.steps=8"), "set is 'stair.steps=8'; give values by key"),
         (lambda: tl.climb("up-28", {"K": 1}), "controller: a dict, not a class"),
         (lambda: tl.detect_stair("file.png"), r"for frame in tl.read_frames\('file.png'\): tl.detect_stair\(frame\)"),

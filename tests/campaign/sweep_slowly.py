@@ -8,7 +8,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 if __name__ == "__main__":
     import short_runs
 
-    from treadline.cli import main, sweep
+    from treadline import api
+    from treadline.cli import main
 
-    sweep.RunScenario = lambda **_: short_runs.slow
+    api.RunScenario = lambda **_: short_runs.slow
     sys.exit(main())

@@ -104,8 +104,9 @@ def test_leaning_risers_and_a_ramp_are_no_fault() -> None:
     sight = StairDetector().look(known.frame, known.gravity_C)
     assert sight.blocks is not None
     assert known.gravity_C is not None
-    is_level = np.abs(sight.blocks.unit @ known.gravity_C) > 0.7
-    for tilted in (is_level, ~is_level):
+    is_level, below_m = np.abs(sight.blocks.unit @ known.gravity_C) > 0.7, sight.blocks.centres @ known.gravity_C
+    is_floor = is_level & (below_m > np.quantile(below_m[is_level], 0.9) - 0.1)  # a ramp does not tilt treads
+    for tilted in (is_floor, ~is_level):
         unit = np.where(tilted[:, None], sight.blocks.unit @ rotation_x(6.0 * DEG), sight.blocks.unit)
         leaning = replace(sight, blocks=replace(sight.blocks, unit=unit))
         one = calibration_evidence(leaning, known.frame.camera, known.gravity_C)

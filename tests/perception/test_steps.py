@@ -98,6 +98,18 @@ def test_a_room_has_no_steps() -> None:
         assert StairDetector().look(view.frame, view.gravity_C).steps == ()
 
 
+@pytest.mark.parametrize(("size_m", "least"), [(0.04, 4), (0.06, 5), (0.1, 5)])
+def test_a_kerb_is_a_step_of_any_frame(size_m: float, least: int) -> None:
+    views = [draw_frame(seed, "kerb", size_m=size_m, sensor=SENSORS[seed % 3]) for seed in range(2000, 2006)]
+    found = [(view, step) for view in views for step in StairDetector().look(view.frame, view.gravity_C).steps]
+    assert least <= len(found) <= len(views)
+    for view, step in found:
+        assert step.kind == "kerb"
+        # Heights of two planes, each with a deviation of 7 mm at most.
+        assert step.rise_m == pytest.approx(size_m, abs=0.02)
+        assert step.direction_rad == pytest.approx(view.steps[0].direction_rad, abs=2.0 * DEG)
+
+
 @pytest.mark.parametrize("drop_m", [0.08, 0.15, 0.3, 0.6])
 def test_the_depth_of_a_drop_is_that_of_the_floor_below(drop_m: float) -> None:
     for seed in range(2000, 2009):

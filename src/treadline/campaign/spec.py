@@ -43,6 +43,9 @@ class Spec:
     """Validated sweep file."""
 
     path: Path
+    """File, or a name for what was given as tables."""
+    text: str
+    """The file's text."""
     base: Tables
     draws: tuple[Draw, ...]
     fixed: Mapping[Keys, object] = field(default_factory=dict)
@@ -89,8 +92,8 @@ class Spec:
         return Drawn(scenario=scenario, values=({} if label is None else {LABEL: label}) | values)
 
 
-def read_spec(name: str | Path, values: Mapping[str, object] | None = None) -> Spec:
-    """Return the sweep in a file, or the shipped sweep of that name.
+def read_spec(name: str | Path | Mapping[str, object], values: Mapping[str, object] | None = None) -> Spec:
+    """Return the sweep in a file, the shipped sweep of that name, or the sweep of a file's tables.
 
     Args:
         values: Values by dotted key that hold in every run, in place of the file's and of drawn ones.
@@ -98,6 +101,27 @@ def read_spec(name: str | Path, values: Mapping[str, object] | None = None) -> S
     Raises:
         SettingsError: If there is none, or its content is not allowed; one line with file, key and value.
     """
+    path, tables = _tables(name)
+    if "draw" not in tables:
+        raise SettingsError(f"{path}: no draws; add [[draw]] tables, or run it once with treadline climb")
+    asked = dict(tables)
+    draws = settings_of({"draw": tables.pop("draw")}, _Draws, where=str(path)).draw
+    scenario_of(tables, path, where=str(path))
+    text = tables_toml(asked) if isinstance(name, Mapping) else path.read_text(encoding="utf-8")
+    for number, draw in enumerate(draws, 1):
+        check_draw(draw, f"{path}: draw {number} ({draw.key})")
+    if values:
+        tables = overridden(tables, values, Scenario)
+        scenario_of(tables, path, where=f"{path}, as changed")
+    spec = Spec(path=path, text=text, base=tables, draws=draws, fixed=leaves(values or {}))
+    _try_corners(spec)
+    return spec
+
+
+def _tables(name: str | Path | Mapping[str, object]) -> tuple[Path, Tables]:
+    """Return path and tables of a sweep file, or a name for tables with a copy of them."""
+    if isinstance(name, Mapping):
+        return Path("sweep"), dict(copy.deepcopy(name))
     path, shipped = Path(name), {found.stem: found for found in SHIPPED.glob("*.toml") if is_sweep(found)}
     if not path.is_file() and str(name) in shipped:
         path = shipped[str(name)]
@@ -105,19 +129,7 @@ def read_spec(name: str | Path, values: Mapping[str, object] | None = None) -> S
         raise SettingsError(f"{name}: a shipped scenario without draws; run it once with treadline climb {name}")
     elif not path.exists() and path.suffix == "" and len(path.parts) == 1:
         raise SettingsError(f"{name}: no such file, and no shipped sweep of that name (shipped: {', '.join(sorted(shipped))})")
-    tables = parse_toml(path)
-    if "draw" not in tables:
-        raise SettingsError(f"{path}: no draws; add [[draw]] tables, or run it once with treadline climb")
-    draws = settings_of({"draw": tables.pop("draw")}, _Draws, where=str(path)).draw
-    scenario_of(tables, path, where=str(path))
-    for number, draw in enumerate(draws, 1):
-        check_draw(draw, f"{path}: draw {number} ({draw.key})")
-    if values:
-        tables = overridden(tables, values, Scenario)
-        scenario_of(tables, path, where=f"{name}, as changed")
-    spec = Spec(path=path, base=tables, draws=draws, fixed=leaves(values or {}))
-    _try_corners(spec)
-    return spec
+    return path, parse_toml(path)
 
 
 def _try_corners(spec: Spec) -> None:
@@ -131,11 +143,22 @@ def _try_corners(spec: Spec) -> None:
 
 def scenario_toml(scenario: Scenario, note: str) -> str:
     """Return the text of a scenario file with every key; it reads back as the identical scenario."""
-    lines = [f"# {note}"]
-    for table, value in scenario.model_dump(exclude_none=True).items():
-        tables = value if isinstance(value, tuple) else (value,)
-        for one in tables:
-            lines += ["", f"[[{table}]]" if isinstance(value, tuple) else f"[{table}]"]
-            # JSON writes strings, numbers, true and false as TOML does; numbers by repr, without loss.
-            lines += [f"{key} = {json.dumps(value)}" for key, value in one.items()]
-    return "\n".join(lines) + "\n"
+    return f"# {note}\n\n{tables_toml(scenario.model_dump(exclude_none=True))}"
+
+
+def tables_toml(tables: Mapping[str, Any]) -> str:
+    """Return the text of a TOML file of tables and lists of tables, which may hold tables in turn."""
+    parts: list[str] = []
+    for name, value in tables.items():
+        is_list = isinstance(value, list | tuple)
+        for table in value if is_list else (value,):
+            head = f"[[{name}]]" if is_list else f"[{name}]"
+            parts.append("\n".join([head, *(f"{key} = {_inline(item)}" for key, item in table.items() if item is not None)]) + "\n")
+    return "\n".join(parts)
+
+
+def _inline(value: Any) -> str:
+    """Return a value in TOML. JSON writes strings, numbers, true and false as TOML does; numbers by repr, without loss."""
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{json.dumps(key)} = {_inline(item)}" for key, item in value.items()) + "}"
+    return f"[{', '.join(map(_inline, value))}]" if isinstance(value, list | tuple) else json.dumps(value)

@@ -218,7 +218,7 @@ def _write_what_was_asked(plan: SweepPlan, folder: Path) -> None:
     manifest = folder / "manifest.json"
     before = read_json(manifest)["settings"]["commits"] if manifest.exists() else []
     commits = list(dict.fromkeys([*before, git_commit()]))
-    write_whole(folder / "spec.toml", plan.spec.path.read_text(encoding="utf-8"))
+    write_whole(folder / "spec.toml", plan.spec.text)
     asked = {"file": plan.spec.path.name, "runs": plan.runs, "worst by": plan.score, "commits": commits}
     if plan.spec.fixed:
         asked |= {"set": {".".join(keys): value for keys, value in plan.spec.fixed.items()}}

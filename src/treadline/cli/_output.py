@@ -8,9 +8,9 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, Self, TextIO, TypeVar
+from typing import Any, Self, TypeVar
 
-from treadline.core.printing import plain
+from treadline.core.printing import plain, say
 
 Item = TypeVar("Item")
 
@@ -44,14 +44,6 @@ class Answer:
         text = json.dumps(plain(self.values), allow_nan=False) if as_json else "\n".join(self.summary)
         sys.stdout.write(text + "\n")
         sys.stdout.flush()
-
-
-def say(line: str, stream: TextIO | None = None) -> None:
-    """Write a line to stderr, or to another stream, at once, if there is one."""
-    stream = stream or sys.stderr
-    if stream is not None:
-        stream.write(f"{line}\n")
-        stream.flush()
 
 
 @contextmanager

@@ -8,8 +8,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from treadline.cli._arguments import Force, check_times, claim
-from treadline.cli._output import Answer, say
+from treadline.cli._output import Answer
 from treadline.core.errors import SettingsError
+from treadline.core.printing import say
 
 WARNING = "drive was tried on emulators alone: no person may sit on the chair, and one person holds its dead-man switch"
 

@@ -4,10 +4,12 @@
 ``treadline model``: chair and stair as MJCF, URDF or SDF.
 """
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from pathlib import Path
+from shutil import copytree
 from typing import Literal
 
+from treadline import api
 from treadline.cli._arguments import Force, Set, claim, set_values
 from treadline.cli._output import Answer
 from treadline.core.errors import SettingsError
@@ -47,39 +49,28 @@ def export(
         if source is not None:
             raise SettingsError(f"export --to layouts takes no source, and {source} is given; a layout shows any run's log")
         claim(out, force=force)
-        layouts = {path.name: path.read_text(encoding="utf-8") for path in (DATA / "layouts").iterdir()}
-        return _written(layouts, out, "open a run's log.mcap with them")
+        copytree(DATA / "layouts", out, dirs_exist_ok=True)
+        return _answer([path.name for path in (DATA / "layouts").iterdir()], out, "open a run's log.mcap with them")
     if source is None:
         raise SettingsError(f"export --to {to} needs a controller file: treadline export SOURCE --to {to} --out {out}")
-    from treadline.control import ControllerConfig
-    from treadline.control.c_export import exported
     from treadline.core.models import ControllerDesign
-    from treadline.scenario.chair import read_chair
 
     claim(out, force=force)
-    if not 0.0 < speed <= 0.3:
-        raise SettingsError(f"--speed is {speed}; it must be above 0 and at most 0.3 m/s")
     design = ControllerDesign.load(source)
-    limit_m_s = read_chair(design.vehicle if chair is None else chair).drives.max_speed_m_s
-    config = ControllerConfig(
-        climb_speed_m_s=speed,
-        max_speed_m_s=limit_m_s,
-        allocation=allocation,
-        reconstruct=reconstruct,
+    written = api.export(design, out, to, chair=chair, allocation=allocation, reconstruct=reconstruct, speed_m_s=speed)
+    return _answer(
+        [path.name for path in written],
+        out,
+        f"call it every {design.period_s:g} s",
+        vehicle=design.vehicle,
         period_s=design.period_s,
     )
-    of_design = {"vehicle": design.vehicle, "period_s": design.period_s}
-    return _written(exported(to, design, config), out, f"call it every {design.period_s:g} s", **of_design)
 
 
-def _written(files: Mapping[str, str], out: Path, use: str, **values: object) -> Answer:
-    """Write files into a folder; the summary ends with their use."""
-    from treadline.core.files import write_whole
-
-    for name, text in files.items():
-        write_whole(out / name, text)
-    summary = [f"{', '.join(sorted(files))} written to {out}; {use}"]
-    return Answer(values={"path": str(out), "files": sorted(files), **values}, summary=summary)
+def _answer(names: Sequence[str], out: Path, use: str, **values: object) -> Answer:
+    """Return the answer for files in a folder; the summary ends with their use."""
+    summary = [f"{', '.join(sorted(names))} written to {out}; {use}"]
+    return Answer(values={"path": str(out), "files": sorted(names), **values}, summary=summary)
 
 
 def model(

@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import Any, Literal
 
 from treadline.cli._arguments import Force, PlantName, check_times, claim, make_way
-from treadline.cli._output import Answer, say
+from treadline.cli._output import Answer
 from treadline.cli.compile import compile_once
 from treadline.cli.node import STARTED_BY, TransportName, stopping, wired
 from treadline.core.errors import SettingsError
+from treadline.core.printing import say
 
 GONE_S = 4.0
 """Time to keep the graph running after a node was lost [s], so that the guard can hold and the hold is recorded."""

@@ -1,17 +1,15 @@
 """``treadline sweep``: many traversals, sampled from the distributions in a file."""
 
-import sys
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
+from treadline import api
 from treadline.cli._arguments import Force, Set, choice, claim, set_values
 from treadline.cli._output import Answer, Progress
 from treadline.cli.compile import compile_once
-
-if TYPE_CHECKING:
-    from treadline.scenario import Scenario
+from treadline.core.printing import say
 
 
 def sweep(
@@ -56,47 +54,46 @@ def sweep(
         score: Score that ranks the worst runs, and that the adversarial search minimises.
     """
     from treadline.campaign.spec import read_spec
-    from treadline.campaign.sweep import Cluster, Pool, SweepPlan, has_failures, lines, run_sweep
+    from treadline.campaign.sweep import has_failures, lines
     from treadline.core.errors import SettingsError
-    from treadline.core.processes import default_workers
-    from treadline.io.runs import JOURNAL, remove
-    from treadline.run.resolve import resolved_blocks
     from treadline.run.run_scores import Scores
 
     choice("--score", score, [field.name for field in fields(Scores) if field.name != "phases"])
     if resume and force:
         raise SettingsError("give --resume or --force, not both: one continues the sweep in the folder, the other replaces it")
     claim(out, force=force, resume=resume)
-    resolved_blocks(controller, detector, estimator)  # loaded once here, so that a mistake is found before a process starts
-    blocks = {"--controller": controller, "--detector": detector, "--estimator": estimator}
-    shared = tuple(word for option, value in blocks.items() if value is not None for word in (option, value))
-    run = RunScenario(controller=controller, detector=detector, estimator=estimator)
-    plan = SweepPlan(
-        spec=read_spec(spec, set_values(changes)),
-        runs=runs,
-        seed=seed,
-        sampling=sampling,
-        adversarial=adversarial,
-        score=score,
-        climb_options=shared,
-    )
-    count = min(workers or default_workers(), plan.total)
+    asked = read_spec(spec, set_values(changes))  # a mistake is found before kernels are compiled
     compile_once()
-    runners = Pool(run, count) if cluster is None else Cluster(run, cluster, count)
-    if force:
-        remove(out, (JOURNAL,))
-    if plan.total < runs:
-        sys.stderr.write(f"treadline: {plan.total} runs of {runs}: a search runs whole generations\n")
-    try:
-        with Progress("sweep") as progress:
+    with Progress("sweep") as progress:
 
-            def done(row: Mapping[str, Any], left: int) -> None:
-                progress.done(f"run {row['index']:04d} {row['verdict']}, {_spoken(left * progress.part_s)} left")
+        def done(row: Mapping[str, Any], left: int) -> None:
+            progress.done(f"run {row['index']:04d} {row['verdict']}, {_spoken(left * progress.part_s)} left")
 
-            summary = run_sweep(plan, out, runners, resume=resume, begin=progress.begin, done=done)
-    except KeyboardInterrupt as stopped:
-        stopped.add_note("the same command with --resume continues it")
-        raise
+        try:
+            swept = api.sweep(
+                asked,
+                runs,
+                seed,
+                out=out,
+                controller=controller,
+                detector=detector,
+                estimator=estimator,
+                sampling=sampling,
+                workers=workers,
+                cluster=cluster,
+                resume=resume,
+                replace=force,
+                adversarial=adversarial,
+                score=score,
+                on_begin=progress.begin,
+                on_run=done,
+            )
+        except KeyboardInterrupt as stopped:
+            stopped.add_note("the same command with --resume continues it")
+            raise
+    summary = swept.summary
+    if summary["runs"] < runs:
+        say(f"treadline: {summary['runs']} runs of {runs}: a search runs whole generations")
     values = summary | {"run": str(out), "seed": seed, "sampling": sampling}
     worst = summary["worst"][0]
     figure = f"{worst[score]:.4g}" if isinstance(worst[score], float) else worst[score]
@@ -111,30 +108,6 @@ def sweep(
         ],
         code=int(has_failures(summary)),
     )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RunScenario:
-    """Function from a scenario and a seed to the summary of one run, for the processes of a campaign.
-
-    Plug-ins are named by text, so that each process loads them itself.
-    """
-
-    controller: str | None = None
-    detector: str | None = None
-    estimator: str | None = None
-
-    def __call__(self, scenario: "Scenario", seed: int, watched_s: float) -> Mapping[str, Any]:
-        """Return the summary of one run; a held chair is simulated for ``watched_s`` more seconds."""
-        from treadline.campaign.sweep import view_of
-        from treadline.playback import RecordingBuilder
-        from treadline.run.episode import run_episode
-        from treadline.run.resolve import resolve
-
-        setup = resolve(scenario, self.controller, seed, detector=self.detector, estimator=self.estimator)
-        builder = RecordingBuilder(setup.mission.chair, setup.scenario, seed=seed)
-        summary = run_episode(setup, sink=builder, after_hold_s=watched_s).summary()
-        return summary | view_of(builder.build())
 
 
 def _spoken(duration_s: float) -> str:

@@ -1,20 +1,14 @@
 """``treadline view`` and ``treadline demo``: a run in the browser, live or recorded; the demo's at once."""
 
-import getpass
-import os
-import socket
-import sys
-import threading
-import webbrowser
 from collections.abc import Callable
-from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from treadline.cli._arguments import Force, Set, claim, set_values
-from treadline.cli._output import Answer, say
+from treadline.cli._output import Answer
 from treadline.core.errors import SettingsError
+from treadline.core.printing import say
 
 
 def view(
@@ -69,7 +63,7 @@ def view(
     open_session = partial(open_recorded, target)
     if not recorded:
         open_session = partial(open_live, target, set_values(changes), seed=seed, attended=control, **blocks)
-    return serve("view", open_session, host=host, port=port, no_browser=no_browser, seconds=seconds)
+    return _shown("view", open_session, host=host, port=port, no_browser=no_browser, seconds=seconds)
 
 
 def _exported(target: str, export: Path, *, force: bool) -> Answer:
@@ -109,63 +103,14 @@ def demo(*, host: str = "127.0.0.1", port: int | None = None, no_browser: bool =
     """
     from treadline.view.opening import LiveOffer, open_demonstration
 
-    return serve("demo", open_demonstration, host=host, port=port, no_browser=no_browser, seconds=seconds, offer=LiveOffer())
+    return _shown("demo", open_demonstration, host=host, port=port, no_browser=no_browser, seconds=seconds, offer=LiveOffer())
 
 
-def serve(
-    verb: str,
-    open_session: Callable[[], Any],
-    *,
-    host: str,
-    port: int | None,
-    no_browser: bool,
-    seconds: float | None,
-    offer: Any = None,
-) -> Answer:
-    """Serve the page until Ctrl-C or the end of the given time.
+def _shown(verb: str, open_session: Callable[[], Any], **how: Any) -> Answer:
+    """Serve the page as ``view.serving.serve`` does, and return the answer of the command."""
+    from treadline.view.serving import serve
 
-    Args:
-        verb: Command that serves.
-        open_session: Function that returns what is shown, called once the port is open.
-        port: Port that the user gave; None takes the first free one from the default port on.
-        offer: Live run that the page offers in place of the session, if any.
-
-    Raises:
-        SettingsError: If the port is out of range or in use.
-    """
-    from treadline.view.app import Stage
-    from treadline.view.server import LOOPBACK, PORTS, GuardedServer
-
-    if port is not None and not 0 <= port <= 65535:
-        raise SettingsError(f"--port {port}: give a port from 1 to 65535, or 0 for any free one")
-    handlers: dict[str, Any] = {}
-    ended = threading.Event()
-    with ExitStack() as ends:
-        server = GuardedServer(host, port, handlers)
-        ends.callback(server.close)
-        if port is None and server.rules.port != PORTS[0]:
-            say(f"{verb}: port {PORTS[0]} is in use; takes {server.rules.port}")
-        stage = Stage(server, open_session(), offer)
-        ends.callback(stage.close)
-        ends.callback(ended.set)
-        handlers["page"] = stage.page
-        url, is_local = server.rules.url, server.rules.host in LOOPBACK
-        say(f"{verb}: {url}")
-        say(_exposure(verb, server.rules.host, is_local=is_local, attended=stage.session.attended))
-        for sentence in stage.session.run.missing:
-            say(f"{verb}: {sentence}")
-        if no_browser or not _open_browser(url):
-            say(_how_to_open(verb, server.rules.port, is_local=is_local, asked=not no_browser))
-        updater = threading.Thread(target=stage.run, args=(ended,), name="view", daemon=True)
-        updater.start()
-        try:
-            ended.wait(seconds)
-        except KeyboardInterrupt:
-            say(f"{verb}: ended")
-        ended.set()
-        updater.join(2.0)
-        if stage.failure is not None:
-            raise stage.failure
+    stage, url = serve(verb, open_session, **how)
     run, error = stage.session.run, stage.session.feed.error
     return Answer(
         values={"url": url, "t_s": run.duration_s, "verdict": run.outcome, "scene_updates": stage.updates, "error": error},
@@ -175,31 +120,3 @@ def serve(
         ],
         code=1 if error else 0,
     )
-
-
-def _open_browser(url: str) -> bool:
-    """Open a browser on the screen of the person, if there is one: a browser of text would take the terminal."""
-    displays = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")
-    if "SSH_CONNECTION" in os.environ or (sys.platform == "linux" and not any(os.environ.get(name) for name in displays)):
-        return False
-    try:
-        return webbrowser.open(url)
-    except webbrowser.Error:
-        return False
-
-
-def _how_to_open(verb: str, port: int, *, is_local: bool, asked: bool) -> str:
-    """Return how to open the page in a browser of this machine, or of another by an SSH tunnel."""
-    here = f"{verb}: {'no browser found on this machine; ' if asked else ''}open the address in a browser"
-    if not is_local:
-        return here
-    tunnel = f"ssh -L {port}:127.0.0.1:{port} {getpass.getuser()}@{socket.gethostname()}"
-    return f"{here}; from another machine, run there first: {tunnel}"
-
-
-def _exposure(verb: str, host: str, *, is_local: bool, attended: bool) -> str:
-    may = "may stop, drive and disturb the chair" if attended else "may only view"
-    if is_local:
-        return f"{verb}: only this machine can connect; whoever has the address {may}; Ctrl-C ends it"
-    reach = "every machine that reaches it and has the address"
-    return f"{verb}: listens on {host}: {reach} {may}, over unencrypted HTTP; Ctrl-C ends it"

@@ -18,6 +18,13 @@ def wrap(angle_rad: float) -> float:
     return (angle_rad + math.pi) % (2.0 * math.pi) - math.pi
 
 
+def to_side(angle_rad: float, sigma_rad: float | None = None, *, unit: str = "°") -> str:
+    """Return an angle with the side it turns to: ``12° to the left``, or ``12.3 ± 0.5° to the left`` with its 95 % interval."""
+    size_deg = abs(angle_rad) / DEG
+    size = f"{size_deg:.0f}" if sigma_rad is None else f"{size_deg:.1f} ± {1.96 * sigma_rad / DEG:.1f}"
+    return f"{size}{unit} to the {'left' if angle_rad > 0.0 else 'right'}"
+
+
 def tilt_of(quaternion: Sequence[float]) -> tuple[float, float]:
     """Return pitch, front up positive, and roll, left side up positive, of a unit quaternion (w, x, y, z)."""
     w, x, y, z = quaternion

@@ -1,9 +1,10 @@
 """Printed and drawn form of results: units, p-values, JSON values, a short table for a terminal or a notebook, a figure."""
 
 import math
+import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, TextIO
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -116,6 +117,14 @@ def _brief(value: Any) -> str:
 def _range(samples: Any) -> str:
     known = samples[samples == samples]  # noqa: PLR0124 - NaN differs from itself
     return f"{len(samples)} samples" + (f" from {known.min():.4g} to {known.max():.4g}" if len(known) else "")
+
+
+def say(line: str, stream: TextIO | None = None) -> None:
+    """Write a line to stderr, or to another stream, at once, if there is one."""
+    stream = stream or sys.stderr
+    if stream is not None:
+        stream.write(f"{line}\n")
+        stream.flush()
 
 
 def p_text(value: float | None) -> str:

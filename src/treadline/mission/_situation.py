@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass
 
 from treadline.control.flipper import OFF_RAD
-from treadline.core.angles import DEG
+from treadline.core.angles import DEG, to_side
 from treadline.core.signals import Direction, FlipperReading, HeadingEstimate, ImuSample, MotionPlan, Phase, TrackReading
 from treadline.core.step_sizes import ON_A_FLIGHT_RAD
 from treadline.estimation.known_nosings import KnownNosings
@@ -217,9 +217,8 @@ class Situation:
         turn = self.stair.turn_ahead() if self.is_up and not self.stair.top_ends else None
         if turn is None or turn[0] - self.pivot_m > within_m:
             return None
-        side = "left" if turn[1] > 0.0 else "right"
         where = f"{beside(turn[0] - self.pivot_m)} the front pulley"
-        return f"the stair turns by {abs(turn[1]) / DEG:.0f}° to the {side} {where}, without a landing: take another way"
+        return f"the stair turns by {to_side(turn[1])} {where}, without a landing: take another way"
 
 
 def beside(before_m: float) -> str:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from treadline.core.angles import DEG
+from treadline.core.angles import DEG, to_side
 from treadline.core.step_sizes import RISE_M, RUN_M
 from treadline.perception._edge_fit import LEFT_OUT, EdgeFit
 from treadline.perception._form import Side
@@ -76,6 +76,8 @@ def _unfit_size(finding: Finding) -> str | None:
     shape = finding.shape
     if finding.flight.is_single:
         return None
+    if min(shape.rise_m, shape.run_m) <= 0.0:
+        return f"what repeats is no flight: it has no {'run' if shape.rise_m > 0.0 else 'rise'}"
     steps = _steps(shape.rise_m, shape.run_m)
     for size_m, (least_m, most_m), small, large in (
         (shape.rise_m, RISE_M, "low", "high"),
@@ -111,17 +113,12 @@ def _winding(finding: Finding) -> str | None:
     flight, fit = finding.flight, finding.fit
     turned_rad = fit.turn_per_step_rad * float(np.mean([nosing.ahead_m for nosing in flight.nosings])) / flight.run_m
     if fit.winding > CERTAIN and abs(turned_rad) > FORM_LIMIT:
-        return f"the flight winds by {_turn_text(fit)}"
+        return f"the flight winds by {to_side(fit.turn_per_step_rad, fit.turn_sigma_rad, unit='° per step')}"
     if fit.agreeing < AGREEING or (fit.agreeing * len(flight.nosings) < 1.5 and not flight.is_single):
         return f"the flight is not straight: nosings turned by up to {fit.widest_rad / DEG:.1f}° against each other"
     if sum(nosing.has_direction for nosing in flight.nosings) < STRAIGHT_LEAST and not flight.is_single:
         return "too little is in view: one edge has a direction, and a straight flight is not distinguished from winders"
     return None
-
-
-def _turn_text(fit: EdgeFit) -> str:
-    side = "left" if fit.turn_per_step_rad > 0.0 else "right"
-    return f"{abs(fit.turn_per_step_rad) / DEG:.1f} ± {1.96 * fit.turn_sigma_rad / DEG:.1f}° per step to the {side}"
 
 
 def _bowed(finding: Finding) -> str | None:
@@ -137,7 +134,7 @@ def _uncertain(finding: Finding) -> str | None:
         return None
     cause = "the flight is too far away, or too little of it is in view"
     if finding.fit.winding > LEFT_OUT and abs(finding.fit.turn_per_step_rad) > 1.96 * finding.fit.turn_sigma_rad:
-        cause = f"the flight may wind by {_turn_text(finding.fit)}"
+        cause = f"the flight may wind by {to_side(finding.fit.turn_per_step_rad, finding.fit.turn_sigma_rad, unit='° per step')}"
     return f"{cause}: heading known to ±{1.96 * finding.sigma_rad / DEG:.1f}°, ±{1.96 * SIGMA_LIMIT / DEG:.1f}° needed"
 
 

@@ -17,7 +17,15 @@ from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.rotations import Vector3
 from treadline.core.signals import Direction
 from treadline.perception import _plane_segmentation_kernels as surface_kernels
-from treadline.perception._lattice_kernels import ANY_RISE_M, ANY_RUN_M, SEARCHED_RISE_M, USUAL_RISE_M, USUAL_RUN_M, best_lattice
+from treadline.perception._lattice_kernels import (
+    ANY_RISE_M,
+    ANY_RUN_M,
+    SEARCHED_RISE_M,
+    USUAL_RISE_M,
+    USUAL_RUN_M,
+    best_lattice,
+    crowding,
+)
 from treadline.perception._plane_segmentation import TURN_LIMIT, PlanarBlocks, Surface, surfaces_along
 from treadline.perception._step_parts import (
     LEAST_LEVER,
@@ -95,21 +103,24 @@ def scene_of(frame: RgbdFrame, blocks: PlanarBlocks, down: Vector3, *, is_uncert
     rise = blocks.unit @ down
     slack = TURN_SIGMAS * blocks.turns * is_uncertain
     upright = np.flatnonzero(np.abs(rise) < np.sin(np.minimum(UPRIGHT + slack, 0.5 * np.pi)))
-    level_blocks = (np.abs(rise) > np.cos(UPRIGHT)) & (blocks.turns <= TURN_LIMIT)
-    flat = np.flatnonzero(level_blocks)
-    surfaces = surfaces_along(blocks, flat, level.up, frame.camera, gap_m=TREAD_GAP_M, least=LEAST_BLOCKS)
-    # A horizontal surface above the camera is the underside of an object.
-    kept = [s for s in surfaces if _turned_from(s, level.up) < UPRIGHT and float(s.centre @ level.up) < 0.0]
     units = blocks.unit[upright]
     return Scene(
         frame=frame,
         blocks=blocks,
         level=level,
-        treads=[tread_of(surface, frame.camera) for surface in kept],
+        treads=levels_of(frame.camera, blocks, level, TREAD_GAP_M),
         upright=upright,
         azimuth=np.arctan2(units @ level.right, units @ level.ahead),
         slack=slack[upright],
     )
+
+
+def levels_of(camera: PinholeCamera, blocks: PlanarBlocks, level: Axes, gap_m: float) -> list[Tread]:
+    """Return the horizontal surfaces below the camera, separated by a difference of height: above are undersides of objects."""
+    flat = np.flatnonzero((np.abs(blocks.unit @ level.up) > np.cos(UPRIGHT)) & (blocks.turns <= TURN_LIMIT))
+    surfaces = surfaces_along(blocks, flat, level.up, camera, gap_m=gap_m, least=LEAST_BLOCKS)
+    kept = (s for s in surfaces if _turned_from(s, level.up) < UPRIGHT and float(s.centre @ level.up) < 0.0)
+    return [tread_of(surface, camera) for surface in kept]
 
 
 def flight_in(scene: Scene) -> Flight | str:
@@ -132,21 +143,19 @@ def _best_at(scene: Scene, azimuths: Iterable[float]) -> Flight | None:
     best: Flight | None = None
     for azimuth in azimuths:
         axes = turned_axes(scene.level, azimuth)
-        for flight in (_matched(scene, list(risers_at(scene, azimuth)), axes, "up"), _matched(scene, [], axes, "down")):
+        tried: tuple[tuple[Iterable[Riser], Direction], ...] = ((risers_at(scene, azimuth), "up"), ((), "down"))
+        for risers, direction in tried:
+            flight = _matched(scene, list(risers), axes, direction)
             if flight is not None and (best is None or flight.evidence > best.evidence):
                 best = flight
-        if best is not None and best.evidence > 2.0 * EVIDENCE:
-            break
+            if best is not None and best.evidence > 2.0 * EVIDENCE:
+                return best
     return best
-
-
-def _facing(level: Axes, azimuth: float) -> Vector3:
-    return np.asarray(math.cos(azimuth) * level.ahead + math.sin(azimuth) * level.right)
 
 
 def turned_axes(level: Axes, azimuth: float) -> Axes:
     """Return level axes turned by an azimuth to the right [rad]."""
-    facing = _facing(level, azimuth)
+    facing = math.cos(azimuth) * level.ahead + math.sin(azimuth) * level.right
     return Axes(ahead=facing, up=level.up, right=cross(-level.up, facing))
 
 
@@ -300,13 +309,8 @@ def voted_azimuths(scene: Scene) -> Iterator[float]:
     points = np.concatenate([blocks.centres[scene.upright], *([*line.ends_m, line.middle] for line in lines)])
     of_line = [count for line in lines for count in 3 * [line.count * WIDTH_PX / scene.frame.camera.width_px / 3.0]]
     azimuths = np.arange(-VOTE_LIMIT, VOTE_LIMIT + PLACE_STEP, PLACE_STEP)
-    scores = np.empty(azimuths.size)
-    for k, azimuth in enumerate(azimuths):
-        facing = np.abs(scene.azimuth - azimuth) < RISER_SPREAD + scene.slack
-        places = np.maximum(points @ _facing(level, azimuth) / PLACE_BIN_M, 0.0).astype(np.int64)
-        counts = np.bincount(places, np.concatenate([facing, of_line]), minlength=2)
-        both = counts[:-1] + counts[1:]
-        scores[k] = float(both @ both) if counts.sum() > 2 * LEAST_BLOCKS else 0.0
+    plan = points @ np.stack([level.ahead, level.right], axis=1) / PLACE_BIN_M
+    scores = crowding(plan, scene.azimuth, RISER_SPREAD + scene.slack, np.array(of_line), azimuths, 2.0 * LEAST_BLOCKS)
     for _ in range(VOTES):
         best = int(np.argmax(scores))
         if not scores[best] > 0.0:

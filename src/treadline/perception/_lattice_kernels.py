@@ -374,3 +374,28 @@ def _contradictions(nearness, pinhole, axes, lattice, bounds, spans):
         if seen >= ASIDES:
             total += CONTRADICTED * min(against / (CONTRADICTED_SHARE * seen), 1.0)
     return total
+
+
+@njit(cache=True, error_model="numpy")
+def crowding(plan, facing, slack, weights, azimuths, least):
+    """Return for each azimuth the sum of squared weights of the points in two adjacent bins of distance.
+
+    Args:
+        plan: Points ahead and to the right [bins], those of vertical blocks first.
+        facing: Azimuth of each block; it counts at azimuths within its ``slack``.
+        weights: Weight of each other point.
+        least: Least weight at an azimuth; below it, the sum is zero.
+    """
+    reach = np.sqrt((plan**2).sum(axis=1)).max() if plan.shape[0] else 0.0
+    counts, scores = np.empty(int(reach) + 3), np.zeros(azimuths.shape[0])
+    for k in range(azimuths.shape[0]):
+        counts[:] = 0.0
+        ahead, right = math.cos(azimuths[k]), math.sin(azimuths[k])
+        for i in range(plan.shape[0]):
+            if i >= facing.shape[0] or abs(facing[i] - azimuths[k]) < slack[i]:
+                place = int(max(ahead * plan[i, 0] + right * plan[i, 1], 0.0))
+                counts[place] += weights[i - facing.shape[0]] if i >= facing.shape[0] else 1.0
+        if counts.sum() > least:
+            for place in range(counts.shape[0] - 1):
+                scores[k] += (counts[place] + counts[place + 1]) ** 2
+    return scores

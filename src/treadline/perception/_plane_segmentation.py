@@ -327,6 +327,15 @@ class Surface:
         return replace(self, blocks=self.blocks[full], upper=upper, lower=lower)
 
 
+def planes_of(
+    blocks: PlanarBlocks, members: Int[np.ndarray, " m"], direction: Vector3, gap_m: float, least: int
+) -> tuple[Float[np.ndarray, "p 3"], Int[np.ndarray, " p"]]:
+    """Return the planes that ``surfaces_along`` begins with, as n with n·p = 1, and their numbers of blocks."""
+    limit = BLOCK_RESIDUAL * blocks.noise
+    _, stops, planes, _ = surface_kernels.planes_along(blocks.sums, blocks.centres, members, direction, gap_m, least, limit)
+    return planes, np.diff(stops, prepend=0)
+
+
 def surfaces_along(
     blocks: PlanarBlocks, members: Int[np.ndarray, " m"], direction: Vector3, camera: PinholeCamera, *, gap_m: float, least: int
 ) -> list[Surface]:

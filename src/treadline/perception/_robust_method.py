@@ -25,13 +25,13 @@ from treadline.perception._form import bow_of, lateral_ends_of, sides_of
 from treadline.perception._gravity_direction import GRAVITY_SIGMA, down_of_treads, levelled, off_gravity
 from treadline.perception._lattice import EVIDENCE, LEAST_BLOCKS, UNCONFIRMED, UPRIGHT, Scene, flight_in, scene_of
 from treadline.perception._plane_segmentation import PlanarBlocks, Surface, reduced, surface_blocks, uncertain_blocks
-from treadline.perception._single_step import shape_of_single, single_step_in
+from treadline.perception._single_step import lowest_step_in, shape_of_single, single_step_in
 from treadline.perception._stair_map import map_of
 from treadline.perception._stair_shape import axes_of, shape_of, stair_axes_of
 from treadline.perception._step_parts import Axes, Flight, viewing_direction
 from treadline.perception.detection import StairDetection, refused
 from treadline.perception.free_ground import SWEPT_HALF_M
-from treadline.perception.steps import steps_of, steps_without_flight, turn_of
+from treadline.perception.steps import SeenStep, steps_of, steps_without_flight, turn_of
 
 HALF = 0.5
 """Valid depth fraction below which a refusal names missing depth as the cause, instead of missing planes."""
@@ -148,11 +148,28 @@ class _Search:
         if scene is None:
             return refused("the camera looks straight up or down")
         sight = self._in_scene(down, scene)
-        return sight if sight.find_steps else replace(sight, find_steps=cache(lambda: steps_without_flight(scene)))
+        return sight if sight.find_steps else replace(sight, find_steps=cache(partial(self._steps_without_flight, down, scene)))
+
+    def _steps_without_flight(self, down: _Down, scene: Scene) -> tuple[SeenStep, ...]:
+        """Return the kerb of a scene without an accepted flight, or the steps that stand on each other."""
+        half_m = self.swept_half_m or SWEPT_HALF_M
+        kerb = single_step_in(scene, half_m) or lowest_step_in(scene, half_m)
+        return steps_without_flight(scene) if kerb is None else steps_of(scene, kerb, self._fit(down, scene, kerb))
+
+    def _fit(self, down: _Down, scene: Scene, flight: Flight) -> EdgeFit:
+        return fit_edges(
+            flight.nosings,
+            flight.treads,
+            down.reference,
+            down.sigma_rad,
+            cross(down.direction, flight.facing),
+            self.frame.camera,
+            spread_px=scene.blocks.spread_px,
+            measures_range=scene.blocks.measures_range,
+        )
 
     def _in_scene(self, down: _Down, scene: Scene) -> StairDetection:
         """Return the result of a scene's flight."""
-        blocks = scene.blocks
         flight = flight_in(scene)
         if self.swept_half_m is not None and (isinstance(flight, str) or flight.evidence < UNCONFIRMED):
             flight = single_step_in(scene, self.swept_half_m) or flight
@@ -160,17 +177,7 @@ class _Search:
             return refused(flight)
         if flight.evidence < UNCONFIRMED:
             return refused(lacking_evidence(flight), edge_count=len(flight.nosings), evidence=flight.evidence)
-        fit = fit_edges(
-            flight.nosings,
-            flight.treads,
-            down.reference,
-            down.sigma_rad,
-            cross(down.direction, flight.facing),
-            self.frame.camera,
-            spread_px=blocks.spread_px,
-            measures_range=blocks.measures_range,
-        )
-        return self._detection(down, scene, flight, fit)
+        return self._detection(down, scene, flight, self._fit(down, scene, flight))
 
     def _detection(self, down: _Down, scene: Scene, flight: Flight, fit: EdgeFit) -> StairDetection:
         """Return the heading on a flight with its interval, or the cause of its refusal."""

@@ -7,13 +7,14 @@ riser on the way up. Only a horizontal chair knows the height of its own level, 
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.signals import Direction
 from treadline.core.step_sizes import SINGLE_RISE_M
-from treadline.perception._lattice import EVIDENCE, Scene, nosing_of, risers_at, turned_axes, voted_azimuths
+from treadline.perception._lattice import EVIDENCE, Scene, levels_of, nosing_of, risers_at, turned_axes, voted_azimuths
 from treadline.perception._plane_segmentation import Line
 from treadline.perception._stair_shape import StairShape
 from treadline.perception._step_parts import TREAD_SIGMA_M, Axes, Flight, Tread, viewing_direction
@@ -23,15 +24,24 @@ RUN_M = 0.30
 """Run by which a single step is described [m], that of usual steps: a map must have one, and a single step has none."""
 BORDER = 0.05
 """Width of the image's border, in image widths: the image cuts a line that ends there. Blocks of a surface are 2 to 4 % wide."""
+LOW_GAP_M = 0.5 * SINGLE_RISE_M[0]
+"""Separation of levels for a step that is lower than those of flights [m]: half of the lowest one."""
 AT_EDGE_M = 0.06
 """Largest distance between the front of the upper level, a riser and the end of the lower level [m]."""
 
 
-def single_step_in(scene: Scene, swept_half_m: float) -> Flight | None:
+def lowest_step_in(scene: Scene, swept_half_m: float) -> Flight | None:
+    """Return what ``single_step_in`` does for a step of the least height, which may be measured as less."""
+    levels = levels_of(scene.frame.camera, scene.blocks, scene.level, LOW_GAP_M)
+    return single_step_in(replace(scene, treads=levels), swept_half_m, least_m=SINGLE_RISE_M[0] - TREAD_SIGMA_M)
+
+
+def single_step_in(scene: Scene, swept_half_m: float, least_m: float = SINGLE_RISE_M[0]) -> Flight | None:
     """Return the single step ahead of a horizontal chair as a flight of one nosing, or None.
 
     Args:
         swept_half_m: Half width of the volume swept by the chair: both levels must be as wide.
+        least_m: Least measured height.
     """
     camera = scene.frame.camera
     up_B = camera.R_BC @ scene.level.up
@@ -42,7 +52,7 @@ def single_step_in(scene: Scene, swept_half_m: float) -> Flight | None:
     direction: Direction = "up" if viewing_direction(camera.R_BC) > 0.0 else "down"
     for azimuth in voted_azimuths(scene):
         voted = turned_axes(scene.level, azimuth)
-        for low, high in _pairs(scene, voted, ground_m, direction):
+        for low, high in _pairs(scene, voted, ground_m, direction, least_m):
             front = high.ends(voted)[0 if direction == "up" else 1]
             if front is None or front.kind == "vague" or not _is_wide(front, camera, voted, middle_m, swept_half_m):
                 continue
@@ -88,13 +98,14 @@ def shape_of_single(flight: Flight) -> StairShape:
     )
 
 
-def _pairs(scene: Scene, axes: Axes, ground_m: float, direction: Direction) -> Iterator[tuple[Tread, Tread]]:
+def _pairs(scene: Scene, axes: Axes, ground_m: float, direction: Direction, least_m: float) -> Iterator[tuple[Tread, Tread]]:
     """Yield the chair's own level and another one a step higher or lower: the lower first."""
     own = [tread for tread in scene.treads if abs(_height(tread, axes) - ground_m) < DROP_M]
     for level in own:
         for other in scene.treads:
             rise_m = _height(other, axes) - _height(level, axes)
-            if SINGLE_RISE_M[0] <= (rise_m if direction == "up" else -rise_m) <= SINGLE_RISE_M[1]:
+            rise_m = rise_m if direction == "up" else -rise_m
+            if least_m <= rise_m <= SINGLE_RISE_M[1]:
                 yield (level, other) if direction == "up" else (other, level)
 
 

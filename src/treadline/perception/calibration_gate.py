@@ -3,8 +3,10 @@
 ``StairDetection, PinholeCamera, gravity -> CalibrationEvidence -> CalibrationFault | None``. Floors and treads are horizontal,
 walls and risers vertical. With a wrong pinhole model, a plane has the normal Mᵀn, with a matrix M of both models. So a wrong focal
 length tilts treads and risers against each other, a wrong mount tilts both alike, and leaning risers or a sloping floor tilt one
-kind alone. Each frame adds linear equations of these errors, each hypothesis is a prior of their sizes, and the summed normal
-equations give its Bayesian evidence in closed form. A depth scale leaves all angles: the camera's height above the floor shows it.
+kind alone; a floor that slopes does not tilt treads. Each frame adds linear equations of these errors, each hypothesis is a prior
+of their sizes, and the summed normal equations give its Bayesian evidence in closed form. A focal length changes the distance of
+the floor as well, by up to half as much: 8 % are within the error of a mount measured by hand, 25 % are not. A depth scale leaves
+all angles: the camera's height above the floor shows it.
 
 A mirrored image shows its roll with the wrong sign. Frames without roll do not show it, and a roll that is the same in all frames
 can be an error of the mount. A focal length shows best at a camera pitch of 45°, and only with treads and risers in view.
@@ -16,15 +18,16 @@ from functools import lru_cache
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from treadline.core.angles import DEG
 from treadline.core.arrays import cross
 from treadline.core.camera_images import PinholeCamera
-from treadline.core.rotations import Vector3, rotation_z
-from treadline.perception._gravity_direction import BUNDLE, MIDDLES, levelled
-from treadline.perception._lattice import UPRIGHT
+from treadline.core.rotations import Rotation, Vector3, rotation_z
+from treadline.perception._gravity_direction import BUNDLE, BUNDLE_BLOCKS, MIDDLES, levelled
+from treadline.perception._lattice import TREAD_GAP_M, UPRIGHT
 from treadline.perception._lattice_kernels import SIGMAS
+from treadline.perception._plane_segmentation import PlanarBlocks, planes_of
 from treadline.perception.detection import StairDetection, refused
 
 FRAMES = 20
@@ -45,6 +48,9 @@ and camera, the median deviation was 0.4°."""
 TOLERATED = np.array([0.01, *np.array([0.5, 0.5, 0.3, 0.3, 0.3, 0.5]) * DEG])
 """Standard deviations of the errors of a sound calibration and a usual building: relative focal length; pitch and roll of the
 mount, with those of gravity; slope of level surfaces along x, y and z of C, 1 % of it for drainage; lean of risers [rad]."""
+OTHER_LEVEL = math.log(0.1)
+"""Prior log-odds that the largest level surface in view is another than the chair's own, an assumption: one in ten. Its height is
+then anywhere within a factor of e."""
 OFF_CENTRE = 0.05
 """Least offset of the principal point from the middle, in image widths, of a calibration of another image size: five times that of
 shipped cameras."""
@@ -93,13 +99,15 @@ class CalibrationEvidence:
     """Number of frames by quarter turns of gravity from the mount's."""
     gram: Float[np.ndarray, "6 8 8"]
     """Normal equations of the errors of ``TOLERATED``, with the right side last, in each transform."""
+    heights: tuple[Float[np.ndarray, "6 8"], ...]
+    """Equation of the camera's height above the largest level surface in each frame and transform; zero without one."""
     below_m: tuple[float, ...]
     """Height of the camera above the floor in each frame that shows it [m]."""
 
     def __add__(self, other: "CalibrationEvidence") -> "CalibrationEvidence":
         """Return the evidence of all frames."""
-        sums = {name: getattr(self, name) + getattr(other, name) for name in ("frames", "agreement", "quarters", "gram", "below_m")}
-        return replace(self, **sums)
+        added = ("frames", "agreement", "quarters", "gram", "heights", "below_m")
+        return replace(self, **{name: getattr(self, name) + getattr(other, name) for name in added})
 
     @property
     def fault(self) -> CalibrationFault | None:
@@ -110,7 +118,7 @@ class CalibrationEvidence:
         lead[[0, MIRRORED, RESIZED]] = 0.0
         # A transform without level surfaces in most frames explains nothing.
         tried = [one for one in HYPOTHESES if one[1] == 0 or self.gram[one[1], 3, 3] > 0.5 * self.frames / SURFACE_SIGMA**2]
-        logs, residuals, errors = zip(*(_posterior(self.gram[at], wide) for _, at, wide in tried), strict=True)
+        logs, residuals, errors = zip(*(self._posterior(at, wide) for _, at, wide in tried), strict=True)
         logs = np.array(logs) + [lead[at] + RARE * (cause is None and len(wide) > 0) for cause, at, wide in tried]
         found = int(np.argmax(logs))
         # Frames that no hypothesis explains have larger deviations than assumed.
@@ -122,6 +130,18 @@ class CalibrationEvidence:
         if cause == "turned":
             return self._turned(tried[found][1])
         return self._fault(cause, self._remedy(cause, *errors[found][:3].tolist()))
+
+    def _posterior(self, at: int, wide: dict[int, float]) -> tuple[float, float, Float[np.ndarray, " 7"]]:
+        """Return what ``_posterior`` does, with the height of the largest level surface, which may be another than the floor."""
+        other, rows = _posterior(self.gram[at], wide), [frame[at] for frame in self.heights if frame[at].any()]
+        if not rows:
+            return other
+        row = np.median(rows, axis=0)  # systematic: more frames do not measure the mount any better
+        log, residual, errors = _posterior(self.gram[at] + np.outer(row, row), wide)
+        as_floor = log + math.log(self.camera.mount_m[2] / (math.sqrt(2.0 * math.pi) * HEIGHT_SIGMA_M))
+        as_other = other[0] + OTHER_LEVEL
+        best = (residual, errors) if as_floor > as_other else other[1:]
+        return float(np.logaddexp(as_floor, as_other)), *best
 
     def _turned(self, quarter: int) -> CalibrationFault:
         roll_deg = self.camera.mount_roll_rad / DEG
@@ -170,7 +190,7 @@ def calibration_evidence(sight: StairDetection, camera: PinholeCamera, gravity_C
     squares = np.square(turned @ down) / np.einsum("tbi,tbi->tb", turned, turned)
     off = np.minimum(squares, 1.0 - squares) / AGREEMENT**2
     agreement = np.log((1.0 - OUTLIERS) * np.exp(-0.5 * off) + OUTLIERS).mean(axis=1)
-    quarters, gram, level_C = np.zeros(4, np.int64), np.zeros((6, 8, 8)), -camera.R_BC[2]
+    quarters, gram, heights, level_C = np.zeros(4, np.int64), np.zeros((6, 8, 8)), np.zeros((6, 8)), -camera.R_BC[2]
     if min(math.hypot(*down[:2]), math.hypot(*level_C[:2])) >= UPRIGHT_LEAST:
         turned = math.atan2(down[1], down[0]) - math.atan2(level_C[1], level_C[0])
         quarters[round(turned / (0.5 * math.pi)) % 4] = 1
@@ -178,14 +198,20 @@ def calibration_evidence(sight: StairDetection, camera: PinholeCamera, gravity_C
     off_px = math.hypot(camera.width_px - 1 - 2.0 * camera.cx_px, camera.height_px - 1 - 2.0 * camera.cy_px)
     tried = [*unmirrored, MIRRORED, *([RESIZED] if off_px > 2.0 * OFF_CENTRE * camera.width_px else [])]
     for at in tried:
-        gram[at] = _equations(sight.blocks.unit @ _transforms(camera)[at], camera, down)
+        gram[at], heights[at] = _equations(sight.blocks, _transforms(camera)[at], camera, down)
     # The slope of level surfaces and the lean of risers: errors that only one kind of surface shows.
     kinds = np.count_nonzero(gram[:, [3, 6], [3, 6]], axis=1)
     # Surfaces of a kind that one transform makes level or vertical and another does not are far off in the other.
     gram[tried, 7, 7] += (kinds[tried] < kinds[unmirrored].max()) * (UPRIGHT / SURFACE_SIGMA) ** 2
     below_m = _below_m(sight, camera, float(level_C @ down))
     return CalibrationEvidence(
-        camera=camera, frames=1, agreement=SURFACES * agreement, quarters=quarters, gram=gram, below_m=below_m
+        camera=camera,
+        frames=1,
+        agreement=SURFACES * agreement,
+        quarters=quarters,
+        gram=gram,
+        heights=(heights,),
+        below_m=below_m,
     )
 
 
@@ -207,27 +233,73 @@ def _transforms(camera: PinholeCamera) -> Float[np.ndarray, "6 3 3"]:
     return found
 
 
-def _equations(normals: Float[np.ndarray, "b 3"], camera: PinholeCamera, down: Vector3) -> Float[np.ndarray, "8 8"]:
-    """Return the normal equations of the mean normals of level surfaces and of vertical ones that face the camera.
+def _equations(
+    blocks: PlanarBlocks, M: Rotation, camera: PinholeCamera, down: Vector3
+) -> tuple[Float[np.ndarray, "8 8"], Float[np.ndarray, " 8"]]:
+    """Return the normal equations of the surfaces in a frame, and the equation of its height above the largest level surface.
 
-    Mean normals: in the equation of a single block, the noise of its normal would be on both sides.
+    Surfaces are the largest level one, all other level ones, and the vertical ones that face the camera.
+
+    Args:
+        M: Transform of the image.
     """
     lateral_C = camera.R_BC.T @ [-math.sin(camera.mount_yaw_rad), math.cos(camera.mount_yaw_rad), 0.0]
     tilts = np.stack([cross(down, lateral_C), cross(down, np.array([0.0, 0.0, 1.0]))])
-    rows, unit = np.zeros((4, 8)), normals / np.sqrt(np.einsum("bi,bi->b", normals, normals))[:, None]
+    rows, height, unit = np.zeros((7, 8)), np.zeros(8), blocks.unit @ M
+    unit /= np.sqrt(np.einsum("bi,bi->b", unit, unit))[:, None]
+    lengthened = down * [1.0, 1.0, 0.0] - float(down[:2] @ down[:2]) * down
     level, leans = levelled(down, unit[:: max(1, len(unit) // (3 * MIDDLES))], UPRIGHT), unit @ down
     if level is not down:
-        rows[:3, 0] = down * [1.0, 1.0, 0.0] - float(down[:2] @ down[:2]) * down
-        rows[:3, 1:3], rows[:3, 3:6], rows[:3, 7] = tilts.T, np.eye(3), level - down
+        normals, counts = _planes(blocks, np.abs(unit @ level) > math.cos(BUNDLE), M, level)
+        largest = counts == counts.max(initial=0)
+        for own, is_floor in ((largest, 1.0), (~largest, 0.0)):
+            if own.any():
+                at = slice(0, 3) if is_floor else slice(3, 6)
+                normal = _mean(normals[own], counts[own])
+                rows[at, 0], rows[at, 1:3], rows[at, 3:6], rows[at, 7] = lengthened, tilts.T, is_floor * np.eye(3), normal - down
+        if largest.any() and float(normals[largest][0] @ -camera.R_BC[2]) > 0.0 and camera.mount_m[2] > 0.0:
+            distance_m = 1.0 / float(np.linalg.norm(normals[largest][0]))
+            height[[0, 7]] = -float(down[:2] @ down[:2]), math.log(distance_m / camera.mount_m[2])
+            height *= camera.mount_m[2] / HEIGHT_SIGMA_M
     facing = (np.abs(leans) < math.sin(UPRIGHT)) & (np.abs(unit[:, 2]) > FACING)
-    count = int(np.count_nonzero(facing))
-    if count >= RISER_BLOCKS:
-        # The median: blocks over the edge of a tread lean towards its normal.
-        lean = float(np.median(leans[facing]))
-        n = unit[facing & (np.abs(leans - lean) < BUNDLE)].mean(axis=0)
-        rows[3, 0], rows[3, 1:3], rows[3, 6:] = -n[2] * down[2], -tilts @ n, (1.0, lean)
-        rows[3] *= SURFACE_SIGMA / math.hypot(SURFACE_SIGMA, float(np.std(leans[facing])) / math.sqrt(count))
-    return np.asarray(rows.T @ rows / SURFACE_SIGMA**2)
+    if int(np.count_nonzero(facing)) >= RISER_BLOCKS:
+        n, sigma_rad = _facing_normal(unit[facing], leans[facing], blocks.turns[facing])
+        rows[6, 0], rows[6, 1:3], rows[6, 6:] = -n[2] * down[2], -tilts @ n, (1.0, float(n @ down))
+        rows[6] *= SURFACE_SIGMA / math.hypot(SURFACE_SIGMA, sigma_rad)
+    return np.asarray(rows.T @ rows / SURFACE_SIGMA**2), height
+
+
+def _planes(
+    blocks: PlanarBlocks, chosen: Bool[np.ndarray, " b"], M: Rotation, direction: Vector3
+) -> tuple[Float[np.ndarray, "p 3"], Int[np.ndarray, " p"]]:
+    """Return the planes among blocks of a transformed image, as n with n·p = 1, and their numbers of blocks.
+
+    The mean of noisy normals would be biased.
+    """
+    along = np.linalg.inv(M).T @ direction
+    planes, counts = planes_of(blocks, np.flatnonzero(chosen), along / np.linalg.norm(along), TREAD_GAP_M, BUNDLE_BLOCKS)
+    return planes @ M, counts
+
+
+def _mean(normals: Float[np.ndarray, "p 3"], counts: Int[np.ndarray, " p"]) -> Vector3:
+    """Return the mean unit normal of planes, weighted by their numbers of blocks."""
+    mean = (counts / np.linalg.norm(normals, axis=1)) @ normals
+    return np.asarray(mean / np.linalg.norm(mean))
+
+
+def _facing_normal(
+    unit: Float[np.ndarray, "k 3"], leans: Float[np.ndarray, " k"], turns: Float[np.ndarray, " k"]
+) -> tuple[Vector3, float]:
+    """Return the mean normal of vertical blocks by precision, near their median lean, and its standard deviation [rad].
+
+    Blocks over the edge of a tread lean towards its normal. Blocks overlap by half of their width and height.
+    """
+    order, weights = np.argsort(leans), 1.0 / (turns**2 + SURFACE_SIGMA**2)
+    middle = leans[order][np.searchsorted(np.cumsum(weights[order]), 0.5 * weights.sum())]
+    weights = np.where(np.abs(leans - middle) < BUNDLE, weights, 0.0) / weights.sum()
+    mean = weights @ unit
+    mean /= np.linalg.norm(mean)
+    return mean, 2.0 * math.sqrt(float(weights**2 @ np.square(leans - middle)))
 
 
 def _posterior(gram: Float[np.ndarray, "8 8"], wide: dict[int, float]) -> tuple[float, float, Float[np.ndarray, " 7"]]:

@@ -60,6 +60,10 @@ class StairDetection(Printable, Plottable):
     draw: Callable[[], Picture] | None = None
     """Function that returns the frame with all detected objects, for ``plot``; None in a loop."""
 
+    def __bool__(self) -> bool:
+        """Return whether the frame alone shows a stair."""
+        return self.accepted
+
     def printed(self) -> tuple[str, list[tuple[str, str]]]:
         """Return the heading with its uncertainty and the geometry of the stair, or why there is no heading."""
         if self.heading_rad is None or self.sigma_rad is None:

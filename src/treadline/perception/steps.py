@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float
 
-from treadline.core.angles import DEG, wrap
+from treadline.core.angles import DEG, to_side, wrap
 from treadline.core.arrays import cross
 from treadline.core.rotations import Vector3
 from treadline.core.step_sizes import RISE_M
@@ -23,7 +23,7 @@ from treadline.perception._lattice import LEAST_BLOCKS, RISER_GAP_M, RISER_SPREA
 from treadline.perception._lattice_kernels import RISE_IRREGULAR_M, SIGMAS
 from treadline.perception._nuisance import SIZES as WARPS
 from treadline.perception._nuisance import turns_of_surfaces
-from treadline.perception._plane_segmentation import Surface, surfaces_along
+from treadline.perception._plane_segmentation import Surface, planes_of, surfaces_along
 from treadline.perception._step_parts import TOP_SIGMA_M, TREAD_SIGMA_M, Axes, Flight, riser_of, riser_rows, viewing_direction
 from treadline.perception.free_ground import LEVEL_SIZE_M
 
@@ -70,11 +70,11 @@ class SeenStep:
     edge, and no end of the tread, is in view."""
 
     def __str__(self) -> str:
-        side = "left" if self.direction_rad > 0.0 else "right"
         far_m = 0.5 * (self.edge_m[0][0] + self.edge_m[1][0])
-        turned = f"turned by {abs(self.direction_rad) / DEG:.1f} ± {1.96 * self.sigma_rad / DEG:.1f}° to the {side}"
+        turned = to_side(self.direction_rad, self.sigma_rad)
         deep = f", {self.depth_m[1]:.2f} m deep" if self.depth_m is not None else ""
-        return f"{self.kind} {'down' if self.rise_m < 0.0 else 'up'} {abs(self.rise_m):.3f} m at {abs(far_m):.2f} m, {turned}{deep}"
+        way = "down" if self.rise_m < 0.0 else "up"
+        return f"{self.kind} {way} {abs(self.rise_m):.3f} m at {abs(far_m):.2f} m, turned by {turned}{deep}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,8 +91,7 @@ class SeenTurn:
     """Whether a landing lies between; else winders follow."""
 
     def __str__(self) -> str:
-        side = "left" if self.turn_rad > 0.0 else "right"
-        turn = f"{abs(self.turn_rad) / DEG:.1f} ± {1.96 * self.sigma_rad / DEG:.1f}° to the {side}"
+        turn = to_side(self.turn_rad, self.sigma_rad)
         return f"turns by {turn} after {self.after} step(s) in view, {'on a landing' if self.on_landing else 'on winders'}"
 
 
@@ -228,14 +227,16 @@ def _uprights(scene: Scene, free: Bool[np.ndarray, " v"]) -> Iterator[Surface]:
         most = near[int(np.argmax(near.sum(axis=1)))]
         if np.count_nonzero(most) < LEAST_BLOCKS:
             return
-        azimuth, found = float(np.median(azimuths[most])), list[Surface]()
-        for _ in range(2):
-            axes, near_it = turned_axes(scene.level, azimuth), np.abs(azimuths - azimuth) < RISER_SPREAD
-            found = surfaces_along(
-                scene.blocks, upright[near_it], axes.ahead, scene.frame.camera, gap_m=RISER_GAP_M, least=LEAST_BLOCKS
-            )
-            if not found:
-                break
+        azimuth, near_it = float(np.median(azimuths[most])), most
+        planes, counts = planes_of(scene.blocks, upright[most], turned_axes(scene.level, azimuth).ahead, RISER_GAP_M, LEAST_BLOCKS)
+        if counts.size:
+            azimuth = _azimuth(scene, planes[counts.argmax()])
+            near_it = np.abs(azimuths - azimuth) < RISER_SPREAD
+        axes = turned_axes(scene.level, azimuth)
+        found = surfaces_along(
+            scene.blocks, upright[near_it], axes.ahead, scene.frame.camera, gap_m=RISER_GAP_M, least=LEAST_BLOCKS
+        )
+        if found:
             azimuth = _azimuth(scene, max(found, key=lambda surface: surface.blocks.size).unit)
         parallel = [surface for surface in found if abs(_azimuth(scene, surface.unit) - azimuth) < TURNED]
         for surface in parallel:

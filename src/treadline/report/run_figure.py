@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from treadline.core.angles import DEG
 from treadline.core.arrays import decimated
+from treadline.core.printing import UNITS, unit_ending
 from treadline.playback import Recording
 from treadline.report._player_data import passenger_m_s2
 from treadline.report.svg_figures import BLUE, GREEN, GREY, ORANGE, RED, STYLE, WIDTH_IN
@@ -41,7 +42,12 @@ Bands = Sequence[tuple[float, float, str]]
 
 @mpl.rc_context(STYLE)
 def single_run(
-    series: Series, phases: Sequence[tuple[float, str]], moved: Recording | None = None, *, seat_alone: bool = False
+    series: Series,
+    phases: Sequence[tuple[float, str]],
+    moved: Recording | None = None,
+    *,
+    seat_alone: bool = False,
+    columns: Sequence[str] = (),
 ) -> Figure:
     """Return the figure of one run: heading, pitch, seat, passenger, belts, position and margin, as far as recorded.
 
@@ -50,9 +56,11 @@ def single_run(
         phases: Start [s] and name of each phase.
         moved: Recording with ground truth at 100 Hz, from which pitch rate and passenger acceleration are drawn.
         seat_alone: Whether the chair stands still, so that heading, belts and position are constant.
+        columns: Columns to draw, each in a panel, in place of the usual quantities.
     """
     moving = (HEADING, PITCH, None, SEAT, BELTS, LATERAL, MARGIN)
-    panels = _panels(series, moved, (SEAT, PITCH, None, MARGIN) if seat_alone else moving)
+    usual = (SEAT, PITCH, None, MARGIN) if seat_alone else moving
+    panels = _panels(series, moved, [_alone(name) for name in columns] or usual)
     t_s = series["t_s"]
     ends = [*(start for start, _ in phases[1:]), max(float(t_s[-1]), phases[-1][0] if phases else 0.0)]
     bands = [(start, end, name) for (start, name), end in zip(phases, ends, strict=False)] if len(phases) > 1 else []
@@ -73,6 +81,13 @@ def single_run(
     axes[-1].set_xlim(float(t_s[0]), float(t_s[-1]))
     axes[-1].set_xlabel("time [s]")
     return figure
+
+
+def _alone(column: str) -> Quantity:
+    """Return the quantity of one column."""
+    ending = unit_ending(column)
+    unit = "" if ending is None else UNITS[ending]
+    return column.removesuffix(f"_{ending}").replace("_", " "), unit, ((column, BLUE, "-", ""),)
 
 
 def _panels(series: Series, moved: Recording | None, quantities: Sequence[Quantity | None]) -> list[Panel]:

@@ -93,6 +93,10 @@ class CheckReport(Printable):
     walk: Walk | None = None
     """The planner's way over the whole ground, for plots; None where the scenario is refused without it."""
 
+    def __bool__(self) -> bool:
+        """Return whether the scenario may be driven."""
+        return self.verdict == "go"
+
     def plot(self) -> "Figure":
         """Return the figure of the walk: the chair at five places, and angles, margins, pitch rate and torque along the way.
 

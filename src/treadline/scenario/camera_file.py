@@ -189,26 +189,28 @@ class CameraFile(Settings):
         )
 
 
-def read_camera(path: Path) -> CameraFile:
-    """Return the camera in a file, or the shipped camera of that name.
+def read_camera(path: Path | Mapping[str, object]) -> CameraFile:
+    """Return the camera in a file, the shipped camera of that name, or the camera of a file's tables.
 
     Raises:
         SettingsError: If the file is missing or invalid.
     """
+    if isinstance(path, Mapping):
+        return settings_of(path, CameraFile, where="camera")
     is_name = str(path) in BASELINES_M and not path.exists()
     return read_toml(file_named(str(path), CAMERAS) if is_name else path, CameraFile)
 
 
 def calibration_in(camera: object) -> CameraFile:
-    """Return the calibration that is given as such, as a ``PinholeCamera``, or by a file or the name of a shipped camera.
+    """Return the calibration that is given as such, as a ``PinholeCamera``, or as ``read_camera`` takes it.
 
     Raises:
         SettingsError: If it is none of these, or invalid.
     """
     if isinstance(camera, CameraFile):
         return camera
-    if isinstance(camera, str | Path):
-        return read_camera(Path(camera))
+    if isinstance(camera, str | Path | Mapping):
+        return read_camera(Path(camera) if isinstance(camera, str) else camera)
     if not isinstance(camera, PinholeCamera):
         known = ", ".join(BASELINES_M)
         raise SettingsError(f"camera is of type {type(camera).__name__}; give a PinholeCamera, a camera.toml, or a name: {known}")

@@ -4,7 +4,9 @@ Paper: Section II, Table I. All positions are in B: x forward, y left, z up, ori
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, Field, model_validator
@@ -12,7 +14,7 @@ from pydantic import AfterValidator, Field, model_validator
 from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import SettingsError
-from treadline.core.settings import Pairs, Settings, read_toml
+from treadline.core.settings import Pairs, Settings, read_toml, settings_of
 from treadline.core.signals import TICK_S
 from treadline.scenario.camera_file import KINECT_1, CameraFile, Degrees, read_camera
 from treadline.scenario.shipped_files import CHAIRS, file_named
@@ -481,14 +483,17 @@ class ChairDescription(Settings):
         )
 
 
-def read_chair(model: str) -> ChairDescription:
-    """Return the chair in a file, or the shipped chair of that name.
+def read_chair(model: str | Mapping[str, object]) -> ChairDescription:
+    """Return the chair in a file, the shipped chair of that name, or the chair of a file's tables.
 
     Raises:
         SettingsError: If no such chair exists, or the file is invalid.
     """
-    path = file_named(model, CHAIRS)
-    chair = read_toml(path, ChairDescription)
+    if isinstance(model, str):
+        path = file_named(model, CHAIRS)
+        chair = read_toml(path, ChairDescription)
+    else:
+        path, chair = Path(), settings_of(model, ChairDescription, where="chair.model")
     mounts = {"camera": chair.camera, "rear_camera": chair.rear_camera}
     calibrated = {
         name: mount.model_copy(update={"calibration": read_camera(path.parent / mount.file), "file": None})

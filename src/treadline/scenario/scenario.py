@@ -36,8 +36,8 @@ Sway = Annotated[float, Field(ge=0.0, le=0.15)]
 class Chair(Settings):
     """Chair model and payload."""
 
-    model: str = "wheelchair"
-    """Name of a shipped chair, or path of a chair's TOML file."""
+    model: str | dict[str, Any] = "wheelchair"
+    """Name of a shipped chair, path of a chair's TOML file, or what such a file holds, as tables."""
     faces: Faces | None = None
     """Where the occupant looks on the stair, up or down. Unset: as the chair's file says."""
     payload_kg: Annotated[float, Field(ge=0.0, le=200.0)] = 50.0
@@ -188,9 +188,10 @@ MODELS = ("ideal", "statistical")
 class Sensors(Settings):
     """Error models of the sensors."""
 
-    camera: str = "kinect1"
-    """Camera: kinect1, kinect2, d435, d455 or tof, or the path of a camera file. kinect1 has the lens that the chair's file names,
-    if it names one. The former values ideal and statistical are a kinect1 with that model."""
+    camera: str | dict[str, Any] = "kinect1"
+    """Camera: kinect1, kinect2, d435, d455 or tof, the path of a camera file, or its tables.
+    kinect1 has the lens that the chair's file names, if it names one. The former values ideal and statistical are a kinect1 with
+    that model."""
     model: Literal["rendered", "statistical", "ideal"] = "rendered"
     """Model of the camera: rendered images with the errors of its sensor, images without errors (ideal), or statistical: headings
     and maps with errors fitted to its kind of sensor, without images."""
@@ -202,14 +203,14 @@ class Sensors(Settings):
     """Attitude error of a chair at rest due to accelerometer bias, in a random direction."""
 
     @property
-    def camera_name(self) -> str:
-        """Name or path of the camera."""
+    def camera_name(self) -> str | dict[str, Any]:
+        """Name, path or tables of the camera."""
         return "kinect1" if self.camera in MODELS else self.camera
 
     @property
     def camera_model(self) -> str:
         """Model of the camera: rendered, statistical or ideal."""
-        return self.camera if self.camera in MODELS and self.model == "rendered" else self.model
+        return self.camera if isinstance(self.camera, str) and self.camera in MODELS and self.model == "rendered" else self.model
 
     @property
     def rows_px(self) -> int | None:
@@ -291,7 +292,8 @@ class Scenario(Printable, Settings):
         chair = read_chair(self.chair.model).model_copy(update=own)
         if self.sensors.camera_name == "kinect1":
             return chair
-        device = read_camera(file_named(self.sensors.camera_name, CAMERAS))
+        camera = self.sensors.camera_name
+        device = read_camera(file_named(camera, CAMERAS) if isinstance(camera, str) else camera)
         ahead = "rear_camera" if self.drive.direction == "down" else "camera"
         mounts = [mount for mount in ("camera", "rear_camera") if getattr(chair, mount) is not None]
         lens = {"calibration": device, "file": None}
@@ -360,14 +362,15 @@ def scenario_of(tables: Mapping[str, object], path: Path, *, where: str) -> Scen
         SettingsError: With ``where``, if the tables are invalid or the file of chair or camera does not exist.
     """
     scenario = settings_of(tables, Scenario, where=where, file=path if where == str(path) else None)
-    sensors = scenario.sensors
-    try:
-        chair = file_named(scenario.chair.model, CHAIRS, path.parent)
-        camera = file_named(sensors.camera_name, CAMERAS, path.parent)
-    except SettingsError as error:
-        raise SettingsError(f"{where}: {error}") from None
-    own = {} if chair.parent == CHAIRS else {"chair": {"model": str(chair)}}
-    own |= {} if camera.parent == CAMERAS else {"sensors": {"camera": str(camera)}}
+    named = (("chair", "model", CHAIRS, scenario.chair.model), ("sensors", "camera", CAMERAS, scenario.sensors.camera_name))
+    own: dict[str, dict[str, str]] = {}
+    for table, key, shipped_in, name in named:
+        if isinstance(name, str):
+            try:
+                found = file_named(name, shipped_in, path.parent)
+            except SettingsError as error:
+                raise SettingsError(f"{where}: {error}") from None
+            own |= {} if found.parent == shipped_in else {table: {key: str(found)}}
     return scenario.changed(**own) if own else scenario
 
 

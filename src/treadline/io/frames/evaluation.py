@@ -19,7 +19,7 @@ from treadline.core.angles import DEG, degrees_or_none, radians_hint
 from treadline.core.camera_images import NamedFrame, PinholeCamera, RgbdFrame
 from treadline.core.errors import ImageError, SettingsError
 from treadline.core.printing import plain
-from treadline.io.frames.single_frame import detect_ground
+from treadline.io.frames.single_frame import ground_with
 from treadline.perception.calibration_gate import FRAMES, CalibrationEvidence, calibration_evidence, gated
 from treadline.perception.detection import StairDetection, ThresholdRule, refused
 from treadline.perception.detector import DetectorConfig, StairDetector
@@ -56,12 +56,16 @@ class FrameEvaluator:
 
         Args:
             threshold: Rule for Canny's thresholds in Algorithm 1.
-            warm_up: Process frames twice up to the first accepted one, so that its time excludes loading the compiled kernels.
+            warm_up: Process the first accepted and the first rejected frame twice, so that their times exclude loading the
+                compiled kernels.
         """
         self._method = method
         self._threshold = threshold
         self._detector = StairDetector(DetectorConfig(method=method, threshold=threshold))
-        self._loaded = not warm_up
+        self._loaded = set[bool]() if warm_up else {False, True}
+        """Results, accepted or not, whose kernels are loaded."""
+        self._detections: dict[int, tuple[StairDetection, float]] = {}
+        """Detection and time [ms] of frames that were tested and are not evaluated yet, by the frame's identity."""
         self._evidence: dict[PinholeCamera, CalibrationEvidence] = {}
         self._is_tested = False
         """Whether evidence is complete before frames are evaluated; otherwise each evaluated frame adds its own."""
@@ -77,11 +81,20 @@ class FrameEvaluator:
         first = list(islice(rest, FRAMES))
         for named in first:
             if named.frame is not None and self._method == "robust":
-                sight = self._detector.look(named.frame, named.gravity_C)
-                self._loaded |= sight.accepted
+                self._detections[id(named)] = sight, _ = self._timed_look(named, named.frame)
                 self._test(named, named.frame.camera, sight)
         self._is_tested = True
         yield from chain(first, rest)
+
+    def _timed_look(self, named: NamedFrame, frame: RgbdFrame) -> tuple[StairDetection, float]:
+        """Return the detection in a frame, and its time [ms]."""
+        started = time.perf_counter()
+        sight = self._detector.look(frame, named.gravity_C)
+        spent_ms = (time.perf_counter() - started) * 1e3
+        if sight.accepted in self._loaded:
+            return sight, spent_ms
+        self._loaded.add(sight.accepted)
+        return self._timed_look(named, frame)
 
     def _test(self, named: NamedFrame, camera: PinholeCamera, sight: StairDetection) -> None:
         """Add the evidence of a frame, up to that of ``FRAMES`` frames of its camera."""
@@ -101,15 +114,13 @@ class FrameEvaluator:
             return sight, _answer(named, sight, 0.0, SQUARE_DEG[self._method])
         if self._method == "paper" and not named.has_colour:
             raise ImageError(f"{named.name}: no colour image; Algorithm 1 finds its edges in colour: leave --method paper out")
-        if not self._loaded:
-            self._loaded = self._detector.look(named.frame, named.gravity_C).accepted
-        started = time.perf_counter()
-        sight = self._detector.look(named.frame, named.gravity_C)
-        spent_ms = (time.perf_counter() - started) * 1e3
+        known = self._detections.pop(id(named), None)
+        sight, spent_ms = self._timed_look(named, named.frame) if known is None else known
         if not self._is_tested:
             self._test(named, named.frame.camera, sight)
-        sight = gated(sight, self._evidence.get(named.frame.camera))
-        return sight, _answer(named, sight, spent_ms, SQUARE_DEG[self._method])
+        seen = gated(sight, self._evidence.get(named.frame.camera))
+        ground = _ground(named, sight) if seen is sight else []
+        return seen, _answer(named, seen, spent_ms, SQUARE_DEG[self._method], ground)
 
     def write_pictures(self, named: NamedFrame, sight: StairDetection, folder: Path) -> None:
         """Write the six stages of Fig. 5, if the frame has colour, and the detections of the robust method."""
@@ -142,7 +153,9 @@ def _depth_in_grey(frame: RgbdFrame) -> UInt8[np.ndarray, "h w 3"]:
     return np.repeat(grey[:, :, None], 3, axis=2)
 
 
-def _answer(named: NamedFrame, sight: StairDetection, spent_ms: float, square_deg: float) -> dict[str, Any]:
+def _answer(
+    named: NamedFrame, sight: StairDetection, spent_ms: float, square_deg: float, ground: Sequence[str] = ()
+) -> dict[str, Any]:
     return {
         "name": named.name,
         **({} if named.t_s is None else {"t_s": named.t_s}),
@@ -157,7 +170,7 @@ def _answer(named: NamedFrame, sight: StairDetection, spent_ms: float, square_de
         "stair": _stair(sight),
         "steps": [asdict(step) for step in sight.steps],
         "turn": None if sight.turn is None else f"the flight {sight.turn}",
-        "ground": _ground(named, sight),
+        "ground": list(ground),
         "ms": spent_ms,
         "mount_known": named.mount_known,
         "warning": _calibration_warning(named),
@@ -169,7 +182,8 @@ def _ground(named: NamedFrame, sight: StairDetection) -> list[str]:
     """Return what is on the ground of a frame without an accepted flight, in words; it takes gravity and a mount."""
     if sight.accepted or named.frame is None or named.gravity_C is None or not named.mount_known:
         return []
-    return [f"{name} {text}" if name != "step" else text for name, text in detect_ground(named).printed()[1]]
+    rows = ground_with(sight, named.frame, named.gravity_C).printed()[1]
+    return [f"{name} {text}" if name != "step" else text for name, text in rows]
 
 
 def measured_stair(seen: Sequence[Mapping[str, Any]]) -> str:

@@ -1,5 +1,6 @@
 """The stair in one frame, whatever it is given as: a frame with a name, a frame, or a depth image with its calibration."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -14,13 +15,13 @@ from treadline.core.printing import Printable
 from treadline.core.rotations import Vector3
 from treadline.perception.calibration_gate import calibration_evidence, gated
 from treadline.perception.detection import StairDetection
-from treadline.perception.detector import DetectorConfig, StairDetector
-from treadline.perception.free_ground import SWEPT_HALF_M, GroundProfile, ground_ahead
+from treadline.perception.detector import StairDetector
+from treadline.perception.free_ground import GroundProfile, ground_ahead
 from treadline.perception.overlay import overlay
 from treadline.perception.steps import SeenStep
 from treadline.scenario.camera_file import CameraFile, calibration_in
 
-Calibration = PinholeCamera | CameraFile | str | Path
+Calibration = PinholeCamera | CameraFile | str | Path | Mapping[str, object]
 """Calibration, its file (TOML), or the name of a shipped camera."""
 
 
@@ -52,13 +53,13 @@ def detect_stair(
     Args:
         depth_m: Frame of ``tl.read_frames``, or a depth image: distance along the optical axis [m], one row per image row; 0, NaN
             and infinity mean no return.
-        camera: Calibration, its file (TOML), or the name of a shipped camera. A frame has its own.
+        camera: Calibration, its file (TOML), its tables as a dict, or the name of a shipped camera. A frame has its own.
         gravity: Vector that points down in the camera's frame (x right, y down, z forward); if left out, the frame's own or, where
             it has none, estimated from the treads.
 
     Returns:
         ``.accepted``, ``.reason`` (None if accepted), ``.heading_rad``, ``.sigma_rad``, ``.shape``, ``.stair_map``, ``.steps``,
-        ``.turn``, and ``.plot()``, the picture of what was detected.
+        ``.turn``, and ``.plot()``, the picture of what was detected. A refusal is false: ``if tl.detect_stair(frame): …``.
 
     Raises:
         ImageError: If the image is not of the calibration's size, or not in metres.
@@ -103,8 +104,13 @@ def detect_ground(
     frame, down = _one(depth_m, camera, gravity)
     if down is None:
         down = np.asarray(frame.camera.R_BC.T @ np.array([0.0, 0.0, -1.0]))
-    profile = ground_ahead(frame, down / max(float(np.linalg.norm(down)), 1e-9))
-    return GroundDetection(profile=profile, steps=StairDetector(DetectorConfig(swept_half_m=SWEPT_HALF_M)).look(frame, down).steps)
+    return ground_with(StairDetector().look(frame, down), frame, down)
+
+
+def ground_with(sight: StairDetection, frame: RgbdFrame, gravity_C: Vector3) -> GroundDetection:
+    """Return the ground ahead in a frame whose steps have been detected."""
+    profile = ground_ahead(frame, gravity_C / max(float(np.linalg.norm(gravity_C)), 1e-9))
+    return GroundDetection(profile=profile, steps=sight.steps)
 
 
 def _one(
