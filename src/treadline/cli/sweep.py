@@ -5,7 +5,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any, Literal
 
-from treadline import api
+from treadline import sweeps
 from treadline.cli._arguments import Force, Set, choice, claim, set_values
 from treadline.cli._output import Answer, Progress
 from treadline.cli.compile import compile_once
@@ -70,7 +70,7 @@ def sweep(
             progress.done(f"run {row['index']:04d} {row['verdict']}, {_spoken(left * progress.part_s)} left")
 
         try:
-            swept = api.sweep(
+            swept = sweeps.sweep(
                 asked,
                 runs,
                 seed,

@@ -8,13 +8,14 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from treadline.core.errors import SettingsError, closest
+from treadline.core.files import DATA
 from treadline.core.printing import Printable
 from treadline.core.settings import Settings, parse_toml, settings_of
 from treadline.scenario.camera_file import read_camera
 from treadline.scenario.chair import ChairDescription, Faces, read_chair
 from treadline.scenario.faults import Fault
 from treadline.scenario.operator_actions import OperatorAct, act_problem
-from treadline.scenario.shipped_files import CAMERAS, CHAIRS, DATA, file_named
+from treadline.scenario.shipped_files import CAMERAS, CHAIRS, file_named
 from treadline.scenario.sill import Sill, sill_problem
 from treadline.scenario.stair import Stair, StepOverride, step_problem
 
