@@ -176,7 +176,7 @@ def check(scenario: Scenario, chair: ChairDescription, mission: MissionConfig) -
     return CheckReport(
         verdict="refuse" if reasons else "go",
         reasons=reasons,
-        track_length_margin_m=length_m - minimum_track_length(stair.rise_m, stair.run_m) if is_flight else None,
+        track_length_margin_m=length_m - max(minimum_track_length(*size_m) for size_m in stair.sizes_m) if is_flight else None,
         nosings_in_contact=nosings_touched(length_m, climb.pitch_m, climb.pitch_m) if is_flight else 1,
         friction_needed=math.tan(slope),
         friction_needed_with_reserve=friction_needed(slope),
@@ -345,26 +345,31 @@ def _too_steep_for_the_seat(reach_rad: float, climb: Climb) -> str | None:
 
 def _undetectable_steps(scenario: Scenario, climb: Climb) -> str | None:
     """Return a refusal of steps outside the detector's range, of which it accepts no frame, or frames of half steps."""
-    stair, control, detects = scenario.stair, scenario.control, scenario.sensors.camera_model != "statistical"
-    is_low = stair.steps == 1 and climb.rise_m < SINGLE_RISE_M[0]
+    control, detects = scenario.control, scenario.sensors.camera_model != "statistical"
+    is_low = not climb.is_flight and climb.rise_m < SINGLE_RISE_M[0]
     if is_low and detects and control.loop == "closed" and control.vision == "robust":
         seen = f"the detector sees single steps from {SINGLE_RISE_M[0]:g} m on"
         return f"a threshold of {climb.rise_m:.3f} m is ground: {seen}; drive over it by hand"
     (least_rise, most_rise), (least_run, most_run) = RISE_M, RUN_M
-    is_detectable = least_rise <= stair.rise_m <= most_rise and least_run <= stair.run_m <= most_run
-    if is_detectable or stair.steps == 1 or control.loop == "open" or control.vision != "robust":
+    outside = [
+        (rise_m, run_m)
+        for rise_m, run_m in scenario.stair.sizes_m
+        if not (least_rise <= rise_m <= most_rise and least_run <= run_m <= most_run)
+    ]
+    if not outside or not climb.is_flight or control.loop == "open" or control.vision != "robust":
         return None
     return (
-        f"steps of {stair.rise_m:.3f} by {stair.run_m:.3f} m, and the detector accepts rises of {least_rise:g} to {most_rise:g} m "
-        f"and runs of {least_run:g} to {most_run:g} m; take another way"
+        f"steps of {outside[0][0]:.3f} by {outside[0][1]:.3f} m, and the detector accepts rises of {least_rise:g} to "
+        f"{most_rise:g} m and runs of {least_run:g} to {most_run:g} m; take another way"
     )
 
 
 def _turning_flights(stair: Stair) -> str | None:
     """Return a refusal of turning flights: the mission drives straight over a landing, and would leave its far end."""
-    if stair.turn == "none":
+    turn_deg = next((flight.turn_deg for flight in stair.each if flight.turn_deg), 0.0)
+    if not turn_deg:
         return None
-    where = f"{stair.flights} flights turn {stair.turn} at their landings"
+    where = f"{stair.flights} flights turn {'left' if turn_deg > 0.0 else 'right'} at their landings"
     return f"{where}, and the chair drives straight on over a landing; take another way"
 
 
@@ -384,9 +389,10 @@ def _winders(stair: Stair) -> str | None:
 def _too_short_a_landing(stair: Stair, tracks: Tracks) -> str | None:
     """Return the required depth of a landing between flights: room for the whole chair and a view of the next flight."""
     needed_m = tracks.flat_run_m + tracks.approach_m + LANDING_SPARE_M
-    if stair.flights == 1 or stair.between_m >= needed_m:
+    depth_m = min((flight.landing_depth_m for flight in stair.each[1:]), default=needed_m)
+    if depth_m >= needed_m:
         return None
-    return f"the landing between two flights is {stair.between_m:.2f} m deep, the chair needs {needed_m:.2f} m; take another way"
+    return f"the landing between two flights is {depth_m:.2f} m deep, the chair needs {needed_m:.2f} m; take another way"
 
 
 def _too_short_to_arrive(scenario: Scenario, chair: ChairDescription) -> str | None:
