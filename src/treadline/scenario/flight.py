@@ -1,7 +1,7 @@
 """The ``[[flight]]`` tables of a scenario file: flights with steps of their own, and the landing at the foot of each.
 
 A landing is a rectangle in front of the flight below. The next flight goes on straight, or leaves at an angle over the corner at
-the far end; by more than 90° it leaves over the corner next to the flight below, so that after a half turn it rises beside it.
+the far end; by more than 90° it leaves over the corner next to the flight below, so that after a half turn it rises next to it.
 """
 
 import math
