@@ -34,7 +34,8 @@ class Ending:
         staircase = as_designed(scenario.stair, scenario.step, scenario.sill)
         self._last_x_m = staircase.last_nosing_m
         # Where only a flight is driven, it is the first, and it ends with the front pulley at its last nosing.
-        self._end_x_m = staircase.alone(0).last_nosing_m - 0.5 * chair.tracks.flat_run_m
+        end_m = staircase.flights[0][-1].nosing_F - staircase.p_WS
+        self._end_x_m = float(staircase.R_WS[:, 0] @ end_m) - 0.5 * chair.tracks.flat_run_m
         self._is_up = scenario.drive.direction == "up"
         self._slide = SlideWatch(upward=self._is_up)
         self._rearms_until_s = math.inf if attended else rearms_until_s(scenario.operator)
