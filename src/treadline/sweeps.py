@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, Literal
 from treadline.core.printing import Printable, pandas_for
 
 if TYPE_CHECKING:
-    from treadline.campaign.spec import Spec
     from treadline.scenario import Scenario
 
 
@@ -80,7 +79,7 @@ class RunScenario:
 
 
 def sweep(
-    spec: "str | Path | Mapping[str, object] | Spec",
+    spec: str | Path | Mapping[str, object],
     runs: int,
     seed: int = 0,
     *,
@@ -131,7 +130,7 @@ def sweep(
         >>> tl.sweep(slopes, 2, out="slopes", set={"sensors.camera": "statistical"}, workers=1).summary["runs"]
         2
     """
-    from treadline.campaign.spec import Spec, read_spec
+    from treadline.campaign.spec import read_spec
     from treadline.campaign.sweep import Cluster, Pool, SweepPlan, run_sweep
     from treadline.core.processes import default_workers
     from treadline.io.runs import JOURNAL, remove
@@ -140,7 +139,7 @@ def sweep(
     resolved_blocks(controller, detector, estimator)  # loaded once here, so that a mistake is found before a process starts
     blocks = {"controller": controller, "detector": detector, "estimator": estimator}
     plan = SweepPlan(
-        spec=spec if isinstance(spec, Spec) else read_spec(spec, set),
+        spec=read_spec(spec, set),
         runs=runs,
         seed=seed,
         sampling=sampling,
