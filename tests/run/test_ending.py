@@ -8,7 +8,7 @@ from world import truth
 
 from treadline.core.angles import DEG
 from treadline.core.ports import Truth
-from treadline.run._ending import Ending, SlideWatch, rough_cause
+from treadline.run.ending import Ending, SlideWatch, rough_cause
 from treadline.run.run_scores import Trace, score
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario

@@ -260,9 +260,9 @@ def test_a_held_chair_that_is_watched_on_and_tips_has_fallen(monkeypatch: pytest
     def tipping(_: Any, truth: Truth) -> tuple[str, str] | None:
         return ("fell", "tipped") if truth.t_s > ended - 0.5 else None
 
-    monkeypatch.setattr("treadline.run._ending.Ending.fall", tipping)
+    monkeypatch.setattr("treadline.run.ending.Ending.fall", tipping)
     assert (trip.run(after_hold_s=1.5).verdict, trip.run().verdict) == ("fell", "held")
-    monkeypatch.setattr("treadline.run._ending.ROUGH_DEG_S", 0.0)
+    monkeypatch.setattr("treadline.run.ending.ROUGH_DEG_S", 0.0)
     rough = trip.run()
     assert (rough.verdict, str(rough.cause).startswith(f"{held.cause}; pitch rate ")) == ("held_rough", True)
 

@@ -41,8 +41,8 @@ DISTANCE = "climbed_m"
 """Distance score; negative on the way down, and the shortest distance is the worst."""
 
 
-def clopper_pearson(count: int, total: int, confidence: float = CONFIDENCE) -> tuple[float, float]:
-    """Return the exact two-sided confidence bounds of a proportion.
+def clopper_pearson(count: float, total: int, confidence: float = CONFIDENCE) -> tuple[float, float]:
+    """Return the exact two-sided confidence bounds of a proportion, wider ones of the mean of numbers from 0 to 1 with that sum.
 
     Clopper and Pearson, 1934: proportions for which ``count`` or more, and ``count`` or fewer, of ``total`` have a probability of
     half of the complement. The coverage is at least the nominal one, also at 0 and at ``total``.

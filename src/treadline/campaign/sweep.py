@@ -23,7 +23,7 @@ from treadline.campaign._cluster import Cluster
 from treadline.campaign._draws import LISTS
 from treadline.campaign._journal import Journal
 from treadline.campaign._pool import Episode, Pool, Row
-from treadline.campaign._results import FAILED, flat, harm, has_rms, summarise, write_tables
+from treadline.campaign._results import FAILED, clopper_pearson, flat, harm, has_rms, summarise, write_tables
 from treadline.campaign._sobol_sampling import Sampling, generation_size, points, run_seed, search
 from treadline.campaign.spec import SHAPE, Spec, scenario_toml
 from treadline.core.arrays import CONFIDENCE
@@ -32,7 +32,10 @@ from treadline.core.files import read_json, write_json, write_whole
 from treadline.io.runs import git_commit, write_manifest
 from treadline.report.labels import channel, suffix
 
-__all__ = ["SHOWN", "Cluster", "Pool", "SweepPlan", "has_failures", "lines", "replay_command", "run_sweep", "view_of"]
+__all__ = [
+    "SHOWN", "Cluster", "Episode", "Pool", "Row", "SweepPlan", "clopper_pearson", "has_failures", "lines", "replay_command",
+    "run_sweep", "thumbnail", "view_of",
+]  # fmt: skip
 
 SHOWN = (
     "min_stability_margin_deg", "max_pitch_rate_deg_s", "aligned_rms_heading_deg", "aligned_max_heading_deg", "rms_heading_deg",

@@ -42,7 +42,7 @@ app = App(
 )
 VERBS = {
     "The paper": ("reproduce", "report"),
-    "Simulation": ("demo", "check", "climb", "view", "seat", "sweep", "model"),
+    "Simulation": ("demo", "check", "climb", "view", "seat", "sweep", "bench", "model"),
     "Identification and control": ("excite", "identify", "tune", "export"),
     "Perception": ("see", "frames"),
     "Logs and ROS": ("replay", "record", "nodes", "node"),

@@ -18,6 +18,8 @@ PARTS = (
 )
 EXTRAS = (
     ("pyarrow", "pyarrow", "identify on Parquet", "pip install '.[parquet]'"),
+    ("gymnasium", "gymnasium", "bench, environments to learn in", "pip install '.[bench]'"),
+    ("onnxruntime", "onnxruntime", "bench FILE.onnx", "pip install '.[onnx]'"),
     ("distributed", "distributed", "sweep --cluster", "pip install '.[cluster]'"),
     ("pyrealsense2", "pyrealsense2", "see --live realsense", "pip install '.[realsense]'"),
     ("pyorbbecsdk2", "pyorbbecsdk", "see --live orbbec", "pip install '.[orbbec]'"),

@@ -18,8 +18,8 @@ from treadline.core.files import own_module
 from treadline.core.settings import text_of
 from treadline.mission.mission_config import FILE_PREFIX
 
-ATTRIBUTES = {"controller": ("follows_plan",), "detector": ("maps_stair",), "estimator": ()}
-"""Attributes that each kind of plug-in must have, see the protocols."""
+ATTRIBUTES = {"controller": ("follows_plan",), "detector": ("maps_stair",), "estimator": (), "policy": ()}
+"""Attributes that each kind of plug-in must have, see the protocols; a policy is of ``treadline bench``."""
 
 
 def checked_plugin(kind: str, plugin: Any, where: str) -> Any:
@@ -35,7 +35,8 @@ def checked_plugin(kind: str, plugin: Any, where: str) -> Any:
     """
     if not callable(plugin):
         raise SettingsError(
-            f"{where}: a {type(plugin).__name__}, not a class; a {kind} plug-in is a class that takes MissionConfig"
+            f"{where}: a {type(plugin).__name__}, not a class; a {kind} plug-in is a class that takes "
+            f"{'Spaces' if kind == 'policy' else 'MissionConfig'}"
         )
     for name in ATTRIBUTES[kind]:
         if not isinstance(getattr(plugin, name, None), bool):

@@ -2,10 +2,11 @@
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -16,7 +17,7 @@ from treadline.vehicle.walk import QUIET_RAD_S
 
 PLACES = 5
 """Number of places at which the chair is drawn."""
-SIZE_IN = (8.0, 8.4)
+SIZE_IN, IMAGE_IN = (8.0, 8.4), (6.4, 3.6)
 
 Columns = Mapping[str, Float[np.ndarray, " n"]]
 
@@ -56,6 +57,25 @@ def walk_figure(ground: Ground, chair: RestChair, columns: Columns, driven: Colu
         torques.axhline(share * float(chair.torques_n_m[0]), color=GREY, linestyle=":")
     torques.set(xlabel="place of mid-track along the drive [m]")
     return figure
+
+
+def side_image(
+    ground: Ground, chair: RestChair, pose: tuple[float, float, float], flipper_rad: float
+) -> UInt8[np.ndarray, "h w 3"]:
+    """Return the image of a chair at one place on the ground.
+
+    Args:
+        pose: Place x and height z of mid-track [m], and pitch [rad].
+        flipper_rad: Angle of the flipper.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    figure, (x_m, z_m, pitch) = Figure(figsize=IMAGE_IN, layout="constrained"), pose
+    canvas: Any = FigureCanvasAgg(figure)  # untyped
+    columns = {"x_m": x_m, "z_m": z_m, "pitch_deg": pitch / DEG, "flipper_deg": flipper_rad / DEG}
+    _draw_side(figure.subplots(), ground, chair, {name: np.array([value]) for name, value in columns.items()})
+    canvas.draw()
+    return np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
 
 
 def _draw_side(axes: Axes, ground: Ground, chair: RestChair, columns: Columns) -> None:

@@ -22,7 +22,7 @@ from treadline.core.signals import TICK_S, Event, HeadingHealth, MotionPlan, Sta
 from treadline.mission.belt_controllers import Driver
 from treadline.mission.loop import Blocks, GuardMessage, Mission, Signal, Tick
 from treadline.mission.mission_blocks import warm_up
-from treadline.run._ending import Ending, rough_cause
+from treadline.run.ending import Ending, rough_cause
 from treadline.run.resolve import Opener, PlantName, Setup, resolve
 from treadline.run.run_scores import Scores, Trace, score
 from treadline.scenario.faults import Fault, Message, Process, is_killed, stamp_of

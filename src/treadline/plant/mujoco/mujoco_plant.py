@@ -5,6 +5,7 @@ All random numbers derive from the seed, with an independent stream per sensor, 
 unchanged.
 """
 
+import copy
 import ctypes
 import math
 from collections.abc import Iterator, Sequence
@@ -16,7 +17,7 @@ from jaxtyping import Float
 
 from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError, SimulationDiverged
-from treadline.core.ports import Reading
+from treadline.core.ports import Reading, Truth
 from treadline.core.rotations import Rotation, Vector3, quaternion_of, rotation_of
 from treadline.core.signals import TICK_S
 from treadline.plant import _actuator_lag_and_slew_kernels as drives
@@ -51,7 +52,11 @@ class MujocoPlant(InstrumentedPlant):
         self._around = Surroundings(self.staircase, chair, self._camera, 1 if scenario.drive.direction == "up" else -1)
         self._state = self._drives.state
         self._damage = Damage()
+        self._friction: Float[np.ndarray, "g 8"]
+        self._sway: Float[np.ndarray, " s"]
         self._build_physics(self._physics_draws)
+        self._settled: tuple[mujoco.MjData, Float[np.ndarray, " k"], Float[np.ndarray, " e"]] | None = None
+        """Physics, actuators and battery at ``t = 0``, of the first start; None before it."""
         self._tick = 0
         self._pending: list[tuple[int, Float[np.ndarray, " c"]]] = []
 
@@ -61,23 +66,30 @@ class MujocoPlant(InstrumentedPlant):
         return 0 if self._chair.seat is None else 1
 
     def start(self) -> None:
-        """Place the chair on its nosings, belts at rest, at ``t = 0``."""
-        mujoco.mj_resetData(self._model, self._data)
+        """Place the chair on its nosings, belts at rest, at ``t = 0``; a further start restores the state of the first."""
         self._model.opt.noslip_iterations = 0  # still active after a run that ended with the brake on
         self._model.geom_surfacevel[self._belts] = 0.0
         if self._scenario.chair.sways:  # at rest until t = 0, at one end of the sway
             self._sway[kernels.SWAY_PHASE] = self._sway[kernels.SWAY_OMEGA] = 0.0
-        self._pose()
         self._lugs.travel_m[:] = self._lugs.start_m
-        self.set_damage(Damage())
-        self._settle()
-        self._data.time = 0.0
+        if self._settled is None:
+            self._pose()
+            self.set_damage(Damage())
+            self._settle()
+            self._data.time = 0.0
+            self._settled = copy.copy(self._data), self._drives.state.copy(), self._drives.electric.copy()
+        else:
+            data, self._state[:], self._drives.electric[:] = self._settled
+            mujoco.mj_copyData(self._data, self._model, data)
+            self.set_damage(Damage())
+            self._drives.command[:] = 0.0
         if self._scenario.chair.sways:
             self._sway[kernels.SWAY_OMEGA] = math.tau / self._scenario.chair.sway_period_s
         self._tick = 0
         self._forget()
         self._instruments.start(self._data.qvel[:3].copy())
-        self._pending = [(0, self._log_row())]
+        self._row = self._log_row()
+        self._pending = [(0, self._row)]
 
     def advance(self, until_s: float) -> None:
         """Step the physics until ``until_s``.
@@ -91,7 +103,31 @@ class MujocoPlant(InstrumentedPlant):
         log = np.empty((ticks, kernels.COLUMNS))
         self._run(ticks, log, self._friction)
         self._pending.extend(enumerate(log, start=self._tick + 1))
-        self._tick += ticks
+        self._tick, self._row = self._tick + ticks, log[-1]
+
+    def drive(self, ticks: int) -> tuple[ChairState, Truth]:
+        """Step the physics by some ticks; return state and ground truth of the last one.
+
+        Readings and ground truth of the ticks are not kept: a loop of millions of steps needs constant memory.
+
+        Raises:
+            SimulationDiverged: As ``advance``.
+        """
+        log = np.empty((ticks, kernels.COLUMNS))
+        self._run(ticks, log, self._friction)
+        self._tick, self._row = self._tick + ticks, log[-1]
+        self._pending.clear()
+        state = self.state
+        return state, self._instruments.truth_of(state, 0.5 * sum(self._damage.grip))
+
+    @property
+    def state(self) -> ChairState:
+        """State of the chair at the last tick."""
+        return self._state_of(self._tick, self._row)
+
+    def set_friction(self, friction: float) -> None:
+        """Set one belt friction coefficient in all directions and on all ground, also beyond the range of a scenario's stair."""
+        self._friction = roughened(self._friction, friction)
 
     def set_damage(self, damage: Damage) -> None:
         """Replace the present damage of the chair."""

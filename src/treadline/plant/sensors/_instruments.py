@@ -213,7 +213,7 @@ class Instruments:
         Args:
             grip: Remaining fraction of the stair's friction.
         """
-        truth, t_s = self._truth_of(state, grip), state.t_s
+        truth, t_s = self.truth_of(state, grip), state.t_s
         readings: list[Reading] = [self._imu_sample(state)]
         if self._chair.seat is not None:
             pitch = truth.seat_pitch_rad + SEAT_PITCH_NOISE_RAD * float(self._streams.seat.standard_normal())
@@ -256,7 +256,8 @@ class Instruments:
         along, across = self._grips[under].min(axis=0)
         return float(along), float(across)
 
-    def _truth_of(self, state: ChairState, grip: float) -> Truth:
+    def truth_of(self, state: ChairState, grip: float) -> Truth:
+        """Return the ground truth of a state; contacts since the last calls count as support. Arguments as of ``read``."""
         R_SW, p_WS, along_m = self._frames[self._staircase.flight_at(state.p_WB, state.R_WB)]
         place, self._ticks = self._ticks % SUPPORT_TICKS if self._ticks else -1, self._ticks + 1
         heading, yaw, heading_rate, pitch, roll, x_m, y_m, seat_pitch, margin, *passenger = kernels.truth(

@@ -32,21 +32,35 @@ class Ending:
         self._slope_rad = climb_of(scenario, chair).slope_rad
         self._duration_s = scenario.drive.duration_s
         staircase = as_designed(scenario.stair, scenario.step, scenario.sill)
-        self._last_x_m = staircase.last_nosing_m
-        # Where only a flight is driven, it is the first, and it ends with the front pulley at its last nosing.
+        self.last_x_m = staircase.last_nosing_m
+        """Place of the last nosing along the stair [m]."""
         end_m = staircase.flights[0][-1].nosing_F - staircase.p_WS
-        self._end_x_m = float(staircase.R_WS[:, 0] @ end_m) - 0.5 * chair.tracks.flat_run_m
+        self.end_x_m = float(staircase.R_WS[:, 0] @ end_m) - 0.5 * chair.tracks.flat_run_m
+        """Place at which a run of a flight alone ends [m]: it is the first, with the front pulley at its last nosing."""
         self._is_up = scenario.drive.direction == "up"
-        self._slide = SlideWatch(upward=self._is_up)
+        self.restart()
         self._rearms_until_s = math.inf if attended else rearms_until_s(scenario.operator)
 
+    def restart(self) -> None:
+        """Begin a further run of the same scenario."""
+        self._slide = SlideWatch(upward=self._is_up)
+
     def fall(self, truth: Truth) -> tuple[str, str] | None:
-        """Return the verdict ``fell`` and its cause, or None. Call once per tick: the slide is integrated."""
+        """Return the verdict ``fell`` and its cause, or None. Call in order of time: the slide is integrated."""
         above = max(truth.pitch_rad - self._slope_rad, -truth.pitch_rad, abs(truth.roll_rad))
         if above > FALLEN_RAD:
             return "fell", f"tilted {above / DEG:.0f}° beyond the stair at {truth.t_s:.2f} s"
         roll_back_m = self._slide.update(truth)
         return ("fell", f"slid {roll_back_m:.2f} m down the flight by {truth.t_s:.2f} s") if roll_back_m > FALLEN_SLIDE_M else None
+
+    def way_m(self, x_m: float, *, on_flight: bool) -> float:
+        """Return the distance along the stair from a place to the end of a traversal, or of a run that ends on the flight [m]."""
+        return abs((self.end_x_m if on_flight else self.last_x_m if self._is_up else 0.0) - x_m)
+
+    def is_beyond(self, truth: Truth) -> bool:
+        """Return whether the chair stands level, with mid-track beyond the last nosing of its way."""
+        beyond_m = truth.x_m - self.last_x_m if self._is_up else -truth.x_m
+        return abs(truth.pitch_rad) < LEVEL_RAD and beyond_m > 0.0
 
     def verdict(self, truth: Truth | None, plan: MotionPlan, holding: str | None) -> tuple[str, str | None] | None:
         """Return the verdict and its cause, or None while the run goes on.
@@ -64,13 +78,12 @@ class Ending:
         if plan.phase == "arrived":
             if truth is None:
                 return "arrived", None
-            beyond_m = truth.x_m - self._last_x_m if self._is_up else -truth.x_m  # of mid-track, beyond the flight's last nosing
-            if abs(truth.pitch_rad) < LEVEL_RAD and beyond_m > 0.0:
+            if self.is_beyond(truth):
                 return "arrived", None
             return "held", f"reported arrival at {plan.t_s:.2f} s, and has not arrived"
         if plan.phase == "refused":
             return "refused", plan.cause
-        if plan.phase == "drive" and self._is_up and truth is not None and truth.x_m >= self._end_x_m:
+        if plan.phase == "drive" and self._is_up and truth is not None and truth.x_m >= self.end_x_m:
             return "end_of_flight", None
         if plan.t_s >= self._duration_s - 0.5 * TICK_S:
             return "time_up", None
@@ -97,16 +110,17 @@ class SlideWatch:
 
     def __init__(self, *, upward: bool) -> None:
         self._sign = 1.0 if upward else -1.0
-        self._x_m: float | None = None
+        self._before: Truth | None = None
         self.roll_back_m = 0.0
 
     def update(self, truth: Truth) -> float:
-        """Take the truth of one tick; return the slide so far."""
-        before_m, self._x_m = self._x_m, truth.x_m
-        if before_m is None or abs(truth.pitch_rad) <= LEVEL_RAD:
+        """Take the truth of one tick, or of one of several; return the slide so far."""
+        before, self._before = self._before, truth
+        if before is None or abs(truth.pitch_rad) <= LEVEL_RAD:
             self.roll_back_m = 0.0
             return self.roll_back_m
-        driven_m = self._sign * 0.5 * (truth.left_m_s + truth.right_m_s) * math.cos(truth.heading_rad) * TICK_S
-        advance_m = self._sign * (truth.x_m - before_m) - min(driven_m, 0.0)
+        since_s = truth.t_s - before.t_s
+        driven_m = self._sign * 0.5 * (truth.left_m_s + truth.right_m_s) * math.cos(truth.heading_rad) * since_s
+        advance_m = self._sign * (truth.x_m - before.x_m) - min(driven_m, 0.0)
         self.roll_back_m = max(self.roll_back_m - advance_m, 0.0)
         return self.roll_back_m
