@@ -172,7 +172,7 @@ def test_a_flipper_whose_limits_and_axis_point_the_other_way_is_raised_by_a_posi
 
 BAD = {
     "xacro": ('<robot name="r" xmlns:xacro="http://ros.org/wiki/xacro"/>', "run xacro first"),
-    "no belts": (HULL, "has no belts: nothing round about y lies beside its middle; give --belts 'REGEX'"),
+    "no belts": (HULL, "has no belts: nothing round about y lies left or right of its middle; give --belts 'REGEX'"),
     "type": (HULL + WHEELS + flipper("flipper", kind="screw"), "joint 'to_flipper' is of type 'screw', which is unknown"),
     "link": (HULL + FIXED.format("lost"), "joint 'to_lost' names link 'lost', which the file does not have"),
     "mass": (HULL + WHEELS + flipper("flipper", mass=0.0), "link 'flipper' has a mass of 0; give its <inertial>"),
@@ -181,10 +181,13 @@ BAD = {
     "trees": (HULL + LINK.format("other", 1, 0, 0.2), "no joint holds the links base, other"),
     "behind": (HULL + WHEELS + flipper("flipper", x=0.2), "link 'flipper' turns 0.100 m behind the front pulley"),
     "twice": (
-        HULL + WHEELS + flipper("one", y=0.3) + flipper("other", y=0.3),
+        HULL + WHEELS + flipper("one") + flipper("other"),
         "links one, other turn about one axis, two sections on one side",
     ),
-    "axis": (HULL + LINK.format("wheel", 1, 0, 0.2) + FIXED.format("wheel"), "its belts stand on one axis, that of ''"),
+    "axis": (
+        HULL + "".join(LINK.format(name, 1, 0, y) + FIXED.format(name) for name, y in (("left", 0.2), ("right", -0.2))),
+        "its belts stand on one axis, that of ''",
+    ),
     "number": (HULL.replace('"20"', '"heavy"') + WHEELS, "link 'base': mass: 'heavy' is not 1 finite numbers"),
     "numbers": (HULL.replace("0 0 0.05", "0 0") + WHEELS, "'0 0' is not 3 finite numbers"),
     "XML": ("<link", "not XML"),
@@ -204,7 +207,10 @@ def test_a_description_that_is_no_vehicle_is_refused_in_one_line(run: Run, tmp_p
 MODEL = '<sdf version="1.6"><model name="m">{}<link name="base"/></model></sdf>'
 OTHERS = {
     "nothing.svg": ("<svg/>", "<svg> is no robot description"),
-    "inner.sdf": (MODEL.format("<include><uri>model://arm</uri></include>"), "include 'model://arm' is not resolved; flatten it"),
+    "inner.sdf": (
+        MODEL.format("<include><uri>model://lidar</uri></include>"),
+        "include 'model://lidar' is not resolved; flatten it",
+    ),
     "frame.sdf": (MODEL.format('<frame name="f"/>'), "frame 'f' is not resolved"),
     "posed.sdf": (MODEL.format('<pose relative_to="f">0 0 0 0 0 0</pose>'), "a pose is relative to 'f'"),
     "static.sdf": (MODEL.format("<static>1</static>"), "has no model that moves"),

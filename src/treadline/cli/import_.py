@@ -24,7 +24,7 @@ def import_(
     Args:
         description: URDF, SDF or MJCF of a robot with belts; run xacro first.
         belts: Regular expression of the names of links, or of their shapes, that carry belts: 'flipper.*|track.*'. Default: what is
-            round about y beside the middle.
+            round about y, left and right of the middle.
         yes: Take the default of each question.
         out: File to write. Default: robot.toml.
     """

@@ -40,7 +40,7 @@ def _with_tracks(tables: Mapping[str, Any], main: dict[str, Any], others: list[d
     front = next((section for section in others if math.dist(section["start_m"], main["end_m"]) < APART_M), None)
     if front is None:
         raise ValueError(
-            f"no [[belt]] begins at the front axis of 'main', at [{front_m:g}, {up_m:g}]; give the front section there"
+            f"no [[belt]] begins at the front axis of 'main', at [{front_m:g}, {up_m:g}]; give the section ahead there"
         )
     (end_m, end_up_m), name, flipper = front["end_m"], front["name"], front.get("flipper")
     built_rad = math.atan2(end_up_m - up_m, end_m - front_m)

@@ -16,7 +16,6 @@ from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import SettingsError
 from treadline.core.settings import Pairs, Settings, read_toml
 from treadline.core.signals import TICK_S
-from treadline.scenario._belt_list import short_form
 from treadline.scenario.camera_file import KINECT_1, CameraFile, Degrees, read_camera
 from treadline.scenario.shipped_files import CHAIRS, file_named
 
@@ -344,7 +343,11 @@ class ChairDescription(Settings):
     @classmethod
     def _a_list_alone_has_its_tracks(cls, tables: object) -> object:
         """Take ``[tracks]`` and ``[flipper]`` from the sections of a vehicle that is written as a list alone."""
-        return short_form(tables) if isinstance(tables, Mapping) and tables.get("belt") and "tracks" not in tables else tables
+        if not isinstance(tables, Mapping) or not tables.get("belt") or "tracks" in tables:
+            return tables
+        from treadline.scenario._belt_list import short_form  # few vehicles are written so
+
+        return short_form(tables)
 
     @model_validator(mode="after")
     def _the_chassis_stands_on_its_tracks(self) -> "ChairDescription":

@@ -16,7 +16,7 @@ ALONG = 0.999
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Solid:
+class CollisionSolid:
     """Collision shape: a box, or what is round about an axis (cylinder, capsule, sphere)."""
 
     name: str
@@ -64,7 +64,7 @@ class DescribedLink:
     com_m: Vector3
     inertia: Float[np.ndarray, "3 3"]
     """Inertia about the centre of mass [kg·m²]."""
-    solids: tuple[Solid, ...]
+    solids: tuple[CollisionSolid, ...]
 
 
 def summed(links: Iterable[DescribedLink]) -> tuple[float, Vector3, Float[np.ndarray, "3 3"]]:

@@ -15,7 +15,7 @@ from jaxtyping import Float
 from treadline.core.errors import SettingsError
 from treadline.core.rotations import Vector3
 from treadline.vehicle.described_belts import SAME_M, DescribedBelts, Flippers
-from treadline.vehicle.description_links import DescribedLink, Solid, summed
+from treadline.vehicle.description_links import CollisionSolid, DescribedLink, summed
 from treadline.vehicle.tracks import IN_LINE_M
 
 Answer = Callable[[str, float, str], tuple[float, str]]
@@ -86,14 +86,14 @@ def _with_sizes(belts: DescribedBelts, answer: Answer) -> DescribedBelts:
         asked[:2] = answer("radius of the pulleys with their belt [m]", 0.1, "a usual one")[0]
         asked[2] = 0.5 * answer("width of a belt [m]", 0.08, "a usual one")[0]
 
-    def whole(pulleys: Sequence[Solid]) -> list[Solid]:
+    def whole(pulleys: Sequence[CollisionSolid]) -> list[CollisionSolid]:
         return [replace(pulley, half_m=np.where(np.isnan(pulley.half_m), asked, pulley.half_m)) for pulley in pulleys]
 
     pairs = [replace(pair, pulleys=whole(pair.pulleys)) for pair in belts.flippers]
     return replace(belts, pulleys=whole(belts.pulleys), flippers=pairs)
 
 
-def _flat_run(file: str, belts: DescribedBelts) -> tuple[Solid, Solid, str]:
+def _flat_run(file: str, belts: DescribedBelts) -> tuple[CollisionSolid, CollisionSolid, str]:
     """Return rear and front pulley of the flat run, and a remark: what stands lowest, or the axes of the flippers."""
     low_m = min((pulley.centre_m[2] - pulley.half_m[0] for pulley in belts.pulleys), default=0.0)
     bearing = [pulley for pulley in belts.pulleys if pulley.centre_m[2] - pulley.half_m[0] < low_m + IN_LINE_M]
@@ -109,7 +109,7 @@ def _flat_run(file: str, belts: DescribedBelts) -> tuple[Solid, Solid, str]:
     return rear, front, remark
 
 
-def _first_pulley(pair: Flippers, pulleys: Sequence[Solid]) -> Solid:
+def _first_pulley(pair: Flippers, pulleys: Sequence[CollisionSolid]) -> CollisionSolid:
     """Return the pulley on the axis of a pair, or one as large as its last there."""
     on_axis = [pulley for pulley in pulleys if math.dist(pulley.centre_m[::2], pair.axis_m[::2]) < SAME_M]
     if on_axis:
@@ -124,7 +124,7 @@ def _across(belts: DescribedBelts) -> tuple[float, float, float]:
     return _lanes(pulleys)
 
 
-def _lanes(pulleys: Sequence[Solid]) -> tuple[float, float, float]:
+def _lanes(pulleys: Sequence[CollisionSolid]) -> tuple[float, float, float]:
     """Return middle, gauge and width of belts [m]."""
     places = [float(pulley.centre_m[1]) for pulley in pulleys]
     left_m, right_m = max(places), min(places)
@@ -164,7 +164,7 @@ def _hull(
 
 
 def _sections(
-    file: str, belts: DescribedBelts, flat: tuple[Solid, Solid], origin_m: Vector3, remark: str, answer: Answer
+    file: str, belts: DescribedBelts, flat: tuple[CollisionSolid, CollisionSolid], origin_m: Vector3, remark: str, answer: Answer
 ) -> Iterator[Line]:
     """Yield the sections: the flat run, the front one, and all further pairs of flippers."""
     (rear, front), (_, gauge_m, width_m) = flat, _across(belts)
@@ -216,8 +216,8 @@ def _front_flipper(pair: Flippers, half_m: float, radius_m: float, answer: Answe
     yield from joint
 
 
-def _fixed_front(belts: DescribedBelts, front: Solid, axis_m: tuple[float, float], origin_m: Vector3) -> Iterator[Line]:
-    """Yield a front section without a joint: up to the foremost pulley, or a short one where there is none."""
+def _fixed_front(belts: DescribedBelts, front: CollisionSolid, axis_m: tuple[float, float], origin_m: Vector3) -> Iterator[Line]:
+    """Yield a section ahead without a joint: up to the foremost pulley, or a short one where there is none."""
     nose = max(belts.pulleys, key=lambda pulley: float(pulley.centre_m[0]))
     half_m, radius_m = axis_m
     if nose.centre_m[0] < front.centre_m[0] + SAME_M:

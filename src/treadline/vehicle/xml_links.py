@@ -15,7 +15,7 @@ import numpy as np
 from treadline.core.errors import SettingsError
 from treadline.core.rotations import Rotation, Vector3, rotation_x, rotation_y, rotation_z
 from treadline.core.settings import text_of
-from treadline.vehicle.description_links import DescribedJoint, DescribedLink, Solid, check_tree, numbers_of
+from treadline.vehicle.description_links import CollisionSolid, DescribedJoint, DescribedLink, check_tree, numbers_of
 
 Placed = tuple[Vector3, Rotation]
 """Origin [m] and axes of a frame in the frame of the description."""
@@ -178,14 +178,16 @@ def _joint(path: Path, joint: Element, R: Rotation) -> DescribedJoint:
     )
 
 
-def _solid(path: Path, shape: Element, frame: Placed) -> Iterator[Solid]:
+def _solid(path: Path, shape: Element, frame: Placed) -> Iterator[CollisionSolid]:
     """Yield the solid of a collision shape; a mesh or a plane has none."""
     name, where = shape.get("name") or "", f"{path}: collision '{shape.get('name') or ''}'"
     centre_m, R = _on(frame, _pose(path, shape))
     if (box := shape.find("geometry/box")) is not None:
         half_m = 0.5 * numbers_of(_text(box, "size"), "0 0 0", where)
-        yield Solid(name=name, is_round=False, centre_m=centre_m, R=R, half_m=half_m)
+        yield CollisionSolid(name=name, is_round=False, centre_m=centre_m, R=R, half_m=half_m)
     for kind in ("cylinder", "capsule"):
         if (found := shape.find(f"geometry/{kind}")) is not None:
             radius_m, length_m = (_number(found, key, where) or 0.0 for key in ("radius", "length"))
-            yield Solid(name=name, is_round=True, centre_m=centre_m, R=R, half_m=np.array([radius_m, radius_m, 0.5 * length_m]))
+            yield CollisionSolid(
+                name=name, is_round=True, centre_m=centre_m, R=R, half_m=np.array([radius_m, radius_m, 0.5 * length_m])
+            )

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from treadline.core.errors import SettingsError, one_line
-from treadline.vehicle.description_links import DescribedJoint, DescribedLink, Solid
+from treadline.vehicle.description_links import CollisionSolid, DescribedJoint, DescribedLink
 
 ROUND = (int(mujoco.mjtGeom.mjGEOM_CYLINDER), int(mujoco.mjtGeom.mjGEOM_CAPSULE))
 BOX = int(mujoco.mjtGeom.mjGEOM_BOX)
@@ -86,11 +86,11 @@ def _touches(model: mujoco.MjModel, k: int) -> bool:
     return bool((model.geom_type[k] in (*ROUND, BOX)) and (model.geom_contype[k] or model.geom_conaffinity[k]))
 
 
-def _solid(model: mujoco.MjModel, data: mujoco.MjData, k: int) -> Solid:
+def _solid(model: mujoco.MjModel, data: mujoco.MjData, k: int) -> CollisionSolid:
     """Return the solid of a geom."""
     is_round = model.geom_type[k] in ROUND
     size = model.geom_size[k]
-    return Solid(
+    return CollisionSolid(
         name=model.geom(k).name,
         is_round=bool(is_round),
         centre_m=data.geom_xpos[k].copy(),
