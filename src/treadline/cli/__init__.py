@@ -42,7 +42,7 @@ app = App(
 )
 VERBS = {
     "The paper": ("reproduce", "report"),
-    "Simulation": ("demo", "check", "climb", "view", "seat", "sweep", "bench", "model"),
+    "Simulation": ("demo", "check", "climb", "view", "seat", "sweep", "bench", "import", "model"),
     "Identification and control": ("excite", "identify", "tune", "export"),
     "Perception": ("see", "frames"),
     "Logs and ROS": ("replay", "record", "nodes", "node"),
@@ -50,9 +50,9 @@ VERBS = {
     "Installation": ("doctor", "compile"),
 }
 """Verbs by the heading under which ``--help`` lists them."""
-MODULES = {"demo": "view", "model": "export", "record": "node", "report": "reproduce", "seat": "climb"}
+MODULES = {"demo": "view", "import": "import_", "model": "export", "record": "node", "report": "reproduce", "seat": "climb"}
 """Module of a verb that shares the module of another verb."""
-FUNCTIONS = {"compile": "compile_"}
+FUNCTIONS = {"compile": "compile_", "import": "import_"}
 """Function of a verb whose name Python uses itself."""
 GROUPS = {heading: Group(heading, sort_key=number) for number, heading in enumerate(VERBS)}
 for heading, verbs in VERBS.items():

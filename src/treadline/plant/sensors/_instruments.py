@@ -329,7 +329,7 @@ def section_numbers(chair: ChairDescription) -> Float[np.ndarray, "n k"]:
     """Return the sections of a chair's belts as rows for ``kernels.truth``."""
     rows = []
     for one in sections(chair):
-        turns = (one.zero_rad, one.raises, one.stays_rad, float(one.follows), one.mass_kg)
+        turns = (one.zero_rad, one.raises, one.stays_rad, float(one.follows), one.mass_kg, one.com_m / one.length_m)
         rows.append((*one.start_m, one.length_m, *one.radii_m, 0.5 * one.gauge_m, *turns))
     return np.array(rows)
 
