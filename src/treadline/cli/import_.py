@@ -6,8 +6,9 @@ import tomllib
 from pathlib import Path
 
 from treadline.cli._arguments import Force, claim
-from treadline.cli._output import Answer, say
+from treadline.cli._output import Answer
 from treadline.core.errors import SettingsError
+from treadline.core.printing import say
 
 MOST_QUESTIONS = 8
 """Largest number of questions; a further value is its default."""
