@@ -147,9 +147,9 @@ print(json.dumps([code, [name for name in sys.modules if name.split(".")[0] == "
     [
         ("see depth.png --camera camera.toml", 8700, ()),
         ("identify record.csv --method okid-era --no-page --out model.json", 7270, ()),
-        ("identify record.csv --method okid-era --out paged.json", 8820, IDENTIFICATION_PAGE),
-        ("tune model.json --out controller.json", 2260, ()),
-        ("check paper-28", 15530, PLANNERS),
+        ("identify record.csv --method okid-era --out paged.json", 7600, IDENTIFICATION_PAGE),
+        ("tune model.json --out controller.json", 2320, ()),
+        ("check paper-28", 15650, PLANNERS),
     ],
     ids=lambda value: str(value).split(" --")[0],
 )

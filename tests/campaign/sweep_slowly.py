@@ -8,8 +8,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 if __name__ == "__main__":
     import short_runs
 
-    from treadline import api
+    from treadline import sweeps
     from treadline.cli import main
 
-    api.RunScenario = lambda **_: short_runs.slow
+    sweeps.RunScenario = lambda **_: short_runs.slow
     sys.exit(main())

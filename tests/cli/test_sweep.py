@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from treadline import api
+from treadline import sweeps
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "campaign"))  # spawned processes find what runs by its module's name
 import short_runs
@@ -38,7 +38,7 @@ def spec(tmp_path: Path) -> Path:
 
 
 def test_a_sweep_answers_with_one_object(run: Callable, spec: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(api, "RunScenario", lambda **_: short_runs.quick)
+    monkeypatch.setattr(sweeps, "RunScenario", lambda **_: short_runs.quick)
     done = run("sweep", spec, "--runs", 6, "--seed", 3, "--workers", 1, "--out", tmp_path / "out", "--json")
     assert (done.code, done.values["runs"], done.values["seed"]) == (0, 6, 3), done.err
     assert done.values["verdicts"]["arrived"]["count"] == 6
@@ -48,7 +48,7 @@ def test_a_sweep_answers_with_one_object(run: Callable, spec: Path, tmp_path: Pa
 
 
 def test_a_run_that_failed_is_exit_code_1(run: Callable, spec: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(api, "RunScenario", lambda **_: short_runs.unlucky)
+    monkeypatch.setattr(sweeps, "RunScenario", lambda **_: short_runs.unlucky)
     monkeypatch.setenv("DIES_ONCE", os.devnull)
     spec.write_text(SPEC.replace("[0, 80]", "[85, 90]"))
     done = run("sweep", spec, "--runs", 2, "--workers", 1, "--out", tmp_path / "out", "--json")
@@ -77,7 +77,7 @@ def test_a_traversal_can_be_repeated_by_the_command_that_it_names(run: Callable,
 def test_a_sweep_keeps_its_plug_ins_when_it_is_resumed_and_repeated(
     run: Callable, spec: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(api, "RunScenario", lambda **_: short_runs.quick)
+    monkeypatch.setattr(sweeps, "RunScenario", lambda **_: short_runs.quick)
     plugin = f"{Path(__file__).parents[2] / 'examples' / 'own_controller_pid.py'}:HeadingPid"
     common = ("sweep", spec, "--workers", 1, "--out", tmp_path / "out", "--json")
     done = run(*common, "--runs", 2, "--controller", plugin)

@@ -11,11 +11,11 @@ import numpy as np
 
 from treadline.campaign.spec import Spec, read_spec
 from treadline.core.errors import SettingsError, closest
+from treadline.core.files import DATA
 from treadline.core.printing import plain
 from treadline.plant.mujoco import FAST, NOMINAL, MujocoPlant, Physics, open_plant
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import SHIPPED, Scenario
-from treadline.scenario.shipped_files import DATA
 
 See = Literal["oracle", "tracker"]
 """Source of a policy's observation: ground truth, or the estimates of the chair from the readings of its sensors."""

@@ -112,7 +112,7 @@ def read_spec(name: str | Path | Mapping[str, object], values: Mapping[str, obje
         check_draw(draw, f"{path}: draw {number} ({draw.key})")
     if values:
         tables = overridden(tables, values, Scenario)
-        scenario_of(tables, path, where=f"{path}, as changed")
+        scenario_of(tables, path, where=f"{path if isinstance(name, Mapping) else name}, as changed")
     spec = Spec(path=path, text=text, base=tables, draws=draws, fixed=leaves(values or {}))
     _try_corners(spec)
     return spec

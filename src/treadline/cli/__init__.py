@@ -42,7 +42,7 @@ app = App(
 )
 VERBS = {
     "The paper": ("reproduce", "report"),
-    "Simulation": ("demo", "check", "climb", "view", "seat", "sweep", "bench", "model"),
+    "Simulation": ("demo", "check", "climb", "view", "seat", "sweep", "bench", "import", "model"),
     "Identification and control": ("excite", "identify", "tune", "export"),
     "Perception": ("see", "frames"),
     "Logs and ROS": ("replay", "record", "nodes", "node"),
@@ -50,9 +50,9 @@ VERBS = {
     "Installation": ("doctor", "compile"),
 }
 """Verbs by the heading under which ``--help`` lists them."""
-MODULES = {"demo": "view", "model": "export", "record": "node", "report": "reproduce", "seat": "climb"}
+MODULES = {"demo": "view", "import": "import_", "model": "export", "record": "node", "report": "reproduce", "seat": "climb"}
 """Module of a verb that shares the module of another verb."""
-FUNCTIONS = {"compile": "compile_"}
+FUNCTIONS = {"compile": "compile_", "import": "import_"}
 """Function of a verb whose name Python uses itself."""
 GROUPS = {heading: Group(heading, sort_key=number) for number, heading in enumerate(VERBS)}
 for heading, verbs in VERBS.items():
@@ -100,6 +100,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     tokens = list(sys.argv[1:] if arguments is None else arguments)
     announced = start_line(tokens) if arguments is None else nullcontext()
     with _streams(), _heeding_requests_to_end(), announced:
+        if tokens[:1] == ["help"]:
+            tokens = [*tokens[1:], "--help"]
         if not tokens or tokens[0] in ("-h", "--help"):  # the list of verbs, each with the first line of its help
             app.resolved_commands()
         return _run(tokens)
@@ -184,6 +186,9 @@ def _usage(error: cyclopts.CycloptsError) -> str:
     if isinstance(error, cyclopts.MissingArgumentError) and error.argument is not None and error.keyword is None:
         verb = " ".join(error.command_chain or ())
         return f"{verb} requires {error.argument.name}; see treadline {verb} --help"
+    if isinstance(error, cyclopts.UnusedCliTokensError):
+        verb = " ".join(error.command_chain or ())
+        return f"{verb} has no use for {' '.join(error.unused_tokens or ())}; see treadline {verb} --help"
     said = str(error).partition(" Available commands:")[0].rstrip(".")  # a list that is cut off after a few
     return said + (" See treadline --help" if said.endswith("?") else "; see treadline --help")
 

@@ -9,7 +9,6 @@ from pathlib import Path
 from shutil import copytree
 from typing import Literal
 
-from treadline import api
 from treadline.cli._arguments import Force, Set, claim, set_values
 from treadline.cli._output import Answer
 from treadline.core.errors import SettingsError
@@ -44,7 +43,7 @@ def export(
         speed: Climb speed in m/s: an input of every step in C, a setting in JSON.
     """
     if to == "layouts":
-        from treadline.scenario.shipped_files import DATA
+        from treadline.core.files import DATA
 
         if source is not None:
             raise SettingsError(f"export --to layouts takes no source, and {source} is given; a layout shows any run's log")
@@ -53,11 +52,12 @@ def export(
         return _answer([path.name for path in (DATA / "layouts").iterdir()], out, "open a run's log.mcap with them")
     if source is None:
         raise SettingsError(f"export --to {to} needs a controller file: treadline export SOURCE --to {to} --out {out}")
+    from treadline.control.c_export import export as written_by
     from treadline.core.models import ControllerDesign
 
     claim(out, force=force)
     design = ControllerDesign.load(source)
-    written = api.export(design, out, to, chair=chair, allocation=allocation, reconstruct=reconstruct, speed_m_s=speed)
+    written = written_by(design, out, to, chair=chair, allocation=allocation, reconstruct=reconstruct, speed_m_s=speed)
     return _answer(
         [path.name for path in written],
         out,

@@ -5,7 +5,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any, Literal
 
-from treadline import api
+from treadline import sweeps
 from treadline.cli._arguments import Force, Set, choice, claim, set_values
 from treadline.cli._output import Answer, Progress
 from treadline.cli.compile import compile_once
@@ -53,7 +53,6 @@ def sweep(
         adversarial: Search for the worst score within the ranges instead of sampling.
         score: Score that ranks the worst runs, and that the adversarial search minimises.
     """
-    from treadline.campaign.spec import read_spec
     from treadline.campaign.sweep import has_failures, lines
     from treadline.core.errors import SettingsError
     from treadline.run.run_scores import Scores
@@ -62,19 +61,22 @@ def sweep(
     if resume and force:
         raise SettingsError("give --resume or --force, not both: one continues the sweep in the folder, the other replaces it")
     claim(out, force=force, resume=resume)
-    asked = read_spec(spec, set_values(changes))  # a mistake is found before kernels are compiled
-    compile_once()
     with Progress("sweep") as progress:
+
+        def begin(left: int) -> None:
+            compile_once()  # mistakes have been found
+            progress.begin(left)
 
         def done(row: Mapping[str, Any], left: int) -> None:
             progress.done(f"run {row['index']:04d} {row['verdict']}, {_spoken(left * progress.part_s)} left")
 
         try:
-            swept = api.sweep(
-                asked,
+            swept = sweeps.sweep(
+                spec,
                 runs,
                 seed,
                 out=out,
+                set=set_values(changes),
                 controller=controller,
                 detector=detector,
                 estimator=estimator,
@@ -85,7 +87,7 @@ def sweep(
                 replace=force,
                 adversarial=adversarial,
                 score=score,
-                on_begin=progress.begin,
+                on_begin=begin,
                 on_run=done,
             )
         except KeyboardInterrupt as stopped:

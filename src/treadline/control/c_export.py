@@ -6,8 +6,9 @@ controller, so that the copy can be verified on the target.
 
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -25,9 +26,11 @@ from treadline.control.heading_controller import (
 )
 from treadline.control.lqr import solvable, static_inverse
 from treadline.control.tune import BELT_DIFFERENCE, OUT_OF_RANGE
+from treadline.core.errors import SettingsError
+from treadline.core.files import DATA, write_whole
 from treadline.core.models import ControllerDesign
 from treadline.core.signals import HeadingEstimate, MotionPlan, TrackCommand
-from treadline.scenario.shipped_files import DATA
+from treadline.scenario.chair import read_chair
 
 SOURCES = DATA / "export"
 TOLERANCE_M_S = 1e-6
@@ -53,6 +56,52 @@ class Exchange:
     estimate: HeadingEstimate | None
     plan: MotionPlan
     answer: TrackCommand
+
+
+def export(
+    controller: ControllerDesign | str | Path,
+    out: str | Path,
+    to: Literal["c", "json"] = "c",
+    *,
+    chair: str | Mapping[str, object] | None = None,
+    allocation: Literal["climb-safe", "paper"] = "climb-safe",
+    reconstruct: Literal["observer", "static"] | None = None,
+    speed_m_s: float = 0.2,
+) -> list[Path]:
+    """Write a controller for other programs, and return the files: C99, or JSON with a log to test a copy with.
+
+    Args:
+        controller: Design that ``tl.tune`` returned, or its file.
+        out: Folder for the files.
+        to: Format: ``c`` or ``json``.
+        chair: Chair whose belt speed limit applies; that of the design when left out.
+        allocation: Allocation of a turn to the belts: climb-safe, or paper.
+        reconstruct: State reconstruction: ``observer``, or ``static`` for Eq. (11b); as in the design when left out.
+        speed_m_s: Climb speed: an input of every step in C, a setting in JSON.
+
+    Raises:
+        SettingsError: If the file or the chair is missing, or the speed is out of range.
+
+    Examples:
+        >>> import treadline as tl
+        >>> from treadline.scenario.shipped_files import shipped_controller
+        >>> [path.name for path in tl.export(shipped_controller("wheelchair"), "firmware")]
+        ['heading_controller.c', 'heading_controller.h', 'heading_log.h', 'heading_numbers.h', 'heading_selftest.c']
+    """
+    if not 0.0 < speed_m_s <= 0.3:
+        raise SettingsError(f"the climb speed is {speed_m_s}; it must be above 0 and at most 0.3 m/s")
+    design = controller if isinstance(controller, ControllerDesign) else ControllerDesign.load(Path(controller))
+    config = ControllerConfig(
+        climb_speed_m_s=speed_m_s,
+        max_speed_m_s=read_chair(design.vehicle if chair is None else chair).drives.max_speed_m_s,
+        allocation=allocation,
+        reconstruct=reconstruct,
+        period_s=design.period_s,
+    )
+    files = {Path(out) / name: text for name, text in exported(to, design, config).items()}
+    for path, text in files.items():
+        write_whole(path, text)
+    return sorted(files)
 
 
 @solvable(OUT_OF_RANGE)

@@ -14,6 +14,9 @@ from treadline.core.errors import SettingsError, TreadlineError
 from treadline.core.printing import plain
 from treadline.core.settings import text_of
 
+DATA = Path(__file__).parents[1] / "data"
+"""Folder of the files that are shipped with the package."""
+
 
 def write_whole(path: Path, data: str | bytes) -> None:
     """Write a file atomically: a reader sees the old content or the new content, never a part."""

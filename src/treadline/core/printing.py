@@ -4,7 +4,10 @@ import math
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, TextIO
+
+from treadline.core.errors import TreadlineError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -125,6 +128,18 @@ def say(line: str, stream: TextIO | None = None) -> None:
     if stream is not None:
         stream.write(f"{line}\n")
         stream.flush()
+
+
+def pandas_for(asks: str) -> Any:
+    """Return pandas.
+
+    Raises:
+        TreadlineError: If it is not installed.
+    """
+    try:
+        return import_module("pandas")
+    except ImportError:
+        raise TreadlineError(f"{asks} needs pandas: pip install pandas") from None
 
 
 def p_text(value: float | None) -> str:

@@ -6,8 +6,8 @@ A figure that the budget does not vary has the changes of the nearest figure tha
 
 from typing import Any
 
+from treadline.core.files import DATA
 from treadline.experiments.plan import CONTROLLER_GROUND, FIG10_SLOPE, GROUNDS, SLOPES_DEG, Ground
-from treadline.scenario.shipped_files import DATA
 
 SENSITIVITY = DATA / "sensitivity.json"
 MAIN_SOURCES = ("step", "stiffness", "friction")

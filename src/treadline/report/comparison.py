@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from treadline.core import paper
+from treadline.core.files import DATA
 from treadline.io.runs import COMPLETED
 from treadline.report._results import PAPER_FRICTION, Cell, Moves, PrintedController, Results, Straight
 from treadline.report.labels import run_words, suffix
-from treadline.scenario.shipped_files import DATA
 
 REACHED, NO_TARGET = "reached", "–"
 REPRODUCED, NOT_REPRODUCED = "reproduced", "not reproduced"

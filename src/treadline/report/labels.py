@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from treadline.core.files import DATA
 from treadline.core.printing import UNITS, unit_ending
-from treadline.scenario.shipped_files import DATA
 
 LONGEST = 26
 """Longest name that fits a panel [characters]."""

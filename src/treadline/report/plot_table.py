@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.angles import DEG
+from treadline.core.files import DATA
 from treadline.playback import Limits, Recording
 from treadline.report.labels import suffix
-from treadline.scenario.shipped_files import DATA
 
 _PALETTE = tomllib.loads((DATA / "palette.toml").read_text(encoding="utf-8"))
 SIGNS: Mapping[str, Mapping[str, Any]] = _PALETTE["signs"]

@@ -34,7 +34,8 @@ class Ending:
         staircase = as_designed(scenario.stair, scenario.step, scenario.sill)
         self.last_x_m = staircase.last_nosing_m
         """Place of the last nosing along the stair [m]."""
-        self.end_x_m = staircase.alone(0).last_nosing_m - 0.5 * chair.tracks.flat_run_m
+        end_m = staircase.flights[0][-1].nosing_F - staircase.p_WS
+        self.end_x_m = float(staircase.R_WS[:, 0] @ end_m) - 0.5 * chair.tracks.flat_run_m
         """Place at which a run of a flight alone ends [m]: it is the first, with the front pulley at its last nosing."""
         self._is_up = scenario.drive.direction == "up"
         self.is_on_flight = scenario.start.place == "flight" and self._is_up

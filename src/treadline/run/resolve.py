@@ -212,15 +212,14 @@ def _known_sills(stair: Stair, sills: Sequence[Sill]) -> tuple[KnownSill, ...]:
     found: list[KnownSill] = []
     for sill in sills:
         landing, outline = landing_of(stair, sill), tuple(sill.vertices(0.0))
-        flight, far_m = -1 if landing is None else landing // stair.steps, outline[-1][1]
+        flight, far_m = -1 if landing is None else stair.flight_of(landing), outline[-1][1]
         if landing is not None:
             found.append(KnownSill(flight, "top", outline))
         if landing is None:
             found.append(KnownSill(0, "foot", outline))
         elif flight + 1 < stair.flights:
-            found.append(
-                KnownSill(flight + 1, "foot", tuple((stair.between_m - out_m, z_m - far_m) for out_m, z_m in outline[::-1]))
-            )
+            depth_m = stair.each[flight + 1].landing_depth_m
+            found.append(KnownSill(flight + 1, "foot", tuple((depth_m - out_m, z_m - far_m) for out_m, z_m in outline[::-1])))
     return tuple(found)
 
 

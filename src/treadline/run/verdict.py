@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from treadline.core.angles import DEG, radians_hint
-from treadline.core.errors import SettingsError
+from treadline.core.errors import MechanicsError, SettingsError
 from treadline.core.printing import Printable
 from treadline.core.step_sizes import RISE_M, RUN_M, SINGLE_RISE_M
 from treadline.mission.entry_check import beyond_rating
@@ -24,11 +24,12 @@ from treadline.scenario.chair import ChairDescription, Faces, Tracks
 from treadline.scenario.scenario import SEAT_SHIFT_M, Chair, Scenario, Stair
 from treadline.vehicle.bodies import centre_of_mass, oversized_lugs
 from treadline.vehicle.climb import Climb, climb_of
+from treadline.vehicle.landing_turn import CLEAR_M, OFF_PLAN_M, least_landing_m, outline_of, way_over
 from treadline.vehicle.linkage import SeatLinkage
 from treadline.vehicle.loading import Loading
 from treadline.vehicle.rest_poses import nosings_of, rest_chair
-from treadline.vehicle.staircase import as_designed
-from treadline.vehicle.start_checks import checked_start
+from treadline.vehicle.staircase import Staircase, as_designed
+from treadline.vehicle.start_checks import HEADROOM_M, checked_start, crossing_flights
 from treadline.vehicle.start_pose import length_m
 from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD, UNKNOWN_RAD, Margins, sideways_margins
 from treadline.vehicle.tracks import minimum_track_length, nosings_touched, track_on_stair_m
@@ -141,9 +142,12 @@ def check(scenario: Scenario, chair: ChairDescription, mission: MissionConfig) -
         mission: The mission, with what the operator would enter.
 
     Raises:
-        MechanicsError: If the chair cannot stand where it starts.
+        MechanicsError: If flights cross, or the chair cannot stand where it starts.
     """
     stair, loading = scenario.stair, scenario.chair.entered
+    crossed = crossing_flights(as_designed(stair))
+    if crossed is not None:
+        raise MechanicsError(f"flights {crossed[0]} and {crossed[1]} cross, less than {HEADROOM_M:g} m above each other; turn one")
     start_problems, nosings_in_view = checked_start(scenario, chair)
     # On floor and landing the chair turns square before it enters.
     heading = scenario.start.heading_deg * DEG if scenario.start.place == "flight" else 0.0
@@ -160,11 +164,10 @@ def check(scenario: Scenario, chair: ChairDescription, mission: MissionConfig) -
             _too_heavy_for_the_brakes(chair, loading.payload_kg, climb),
             None if seat_range is None else _too_steep_for_the_seat(seat_range[1], climb),
             _no_seat_to_shift(scenario.chair, chair),
-            _too_short_a_landing(stair, chair.tracks),
             _too_short_to_arrive(scenario, chair),
             _undetectable_steps(scenario, climb),
-            _turning_flights(stair),
-            _winders(stair),
+            _landings(as_designed(stair), chair),
+            _winders(stair, chair.tracks),
             _turned_nosings(scenario),
             *start_problems,
             oversized_lugs(scenario.belts, chair),
@@ -180,7 +183,7 @@ def check(scenario: Scenario, chair: ChairDescription, mission: MissionConfig) -
     return CheckReport(
         verdict="refuse" if reasons else "go",
         reasons=reasons,
-        track_length_margin_m=length_m - minimum_track_length(stair.rise_m, stair.run_m) if is_flight else None,
+        track_length_margin_m=length_m - max(minimum_track_length(*size_m) for size_m in stair.sizes_m) if is_flight else None,
         nosings_in_contact=nosings_touched(length_m, climb.pitch_m, climb.pitch_m) if is_flight else 1,
         friction_needed=math.tan(slope),
         friction_needed_with_reserve=friction_needed(slope),
@@ -349,48 +352,59 @@ def _too_steep_for_the_seat(reach_rad: float, climb: Climb) -> str | None:
 
 def _undetectable_steps(scenario: Scenario, climb: Climb) -> str | None:
     """Return a refusal of steps outside the detector's range, of which it accepts no frame, or frames of half steps."""
-    stair, control, detects = scenario.stair, scenario.control, scenario.sensors.camera_model != "statistical"
-    is_low = stair.steps == 1 and climb.rise_m < SINGLE_RISE_M[0]
+    control, detects = scenario.control, scenario.sensors.camera_model != "statistical"
+    is_low = not climb.is_flight and climb.rise_m < SINGLE_RISE_M[0]
     if is_low and detects and control.loop == "closed" and control.vision == "robust":
         seen = f"the detector sees single steps from {SINGLE_RISE_M[0]:g} m on"
         return f"a threshold of {climb.rise_m:.3f} m is ground: {seen}; drive over it by hand"
     (least_rise, most_rise), (least_run, most_run) = RISE_M, RUN_M
-    is_detectable = least_rise <= stair.rise_m <= most_rise and least_run <= stair.run_m <= most_run
-    if is_detectable or stair.steps == 1 or control.loop == "open" or control.vision != "robust":
+    outside = [
+        (rise_m, run_m)
+        for rise_m, run_m in scenario.stair.sizes_m
+        if not (least_rise <= rise_m <= most_rise and least_run <= run_m <= most_run)
+    ]
+    if not outside or not climb.is_flight or control.loop == "open" or control.vision != "robust":
         return None
     return (
-        f"steps of {stair.rise_m:.3f} by {stair.run_m:.3f} m, and the detector accepts rises of {least_rise:g} to {most_rise:g} m "
-        f"and runs of {least_run:g} to {most_run:g} m; take another way"
+        f"steps of {outside[0][0]:.3f} by {outside[0][1]:.3f} m, and the detector accepts rises of {least_rise:g} to "
+        f"{most_rise:g} m and runs of {least_run:g} to {most_run:g} m; take another way"
     )
 
 
-def _turning_flights(stair: Stair) -> str | None:
-    """Return a refusal of turning flights: the mission drives straight over a landing, and would leave its far end."""
-    if stair.turn == "none":
-        return None
-    where = f"{stair.flights} flights turn {stair.turn} at their landings"
-    return f"{where}, and the chair drives straight on over a landing; take another way"
-
-
-def _winders(stair: Stair) -> str | None:
+def _winders(stair: Stair, tracks: Tracks) -> str | None:
     """Refuse winders: at their nosings the two belts do not climb alike, and the mission drives straight on."""
     plan = as_designed(stair).winders
     if plan is None:
         return None
-    inner_m, outer_m = plan.going_m(plan.newel_m), plan.going_m(plan.outer_radius_m)
+    inner_m, newel_m, outer_m = plan.walking_radius_m - 0.5 * tracks.gauge_m, plan.newel_m, plan.outer_radius_m
+    # On the next nosing, the belt at the newel lies on a slope of rise to inner depth; the other belt's nosing is further away.
+    hangs = f", where the other belt would hang {stair.rise_m * tracks.gauge_m / inner_m:.2f} m over it" if inner_m > 0.0 else ""
     return (
         f"{plan.count} winders from step {plan.first} on turn the flight by {stair.winder_turn_deg:g}° to the {stair.winder_to}, "
-        f"{inner_m:.2f} m deep at the newel and {outer_m:.2f} m at the outer side: the belt on the newel's side meets each nosing "
-        "first and rolls the chair, which drives straight on; take another way"
+        f"{plan.going_m(newel_m):.2f} m deep at the newel and {plan.going_m(outer_m):.2f} m at the outer side: the belt on the "
+        f"newel's side meets each nosing first and rolls the chair{hangs}; take another way"
     )
 
 
-def _too_short_a_landing(stair: Stair, tracks: Tracks) -> str | None:
-    """Return the required depth of a landing between flights: room for the whole chair and a view of the next flight."""
-    needed_m = tracks.flat_run_m + tracks.approach_m + LANDING_SPARE_M
-    if stair.flights == 1 or stair.between_m >= needed_m:
+def _landings(staircase: Staircase, chair: ChairDescription) -> str | None:
+    """Return which landing is too small for the chair, or on which it would have to turn, as the mission does not."""
+    if staircase.winders is not None:
         return None
-    return f"the landing between two flights is {stair.between_m:.2f} m deep, the chair needs {needed_m:.2f} m; take another way"
+    outline, turns = outline_of(chair).wider(CLEAR_M + OFF_PLAN_M), None
+    for plan, steps in zip(staircase.plans[:-1], staircase.flights, strict=False):
+        where, own_m = f"the landing at step {steps[-1].index}", min(plan.depth_m, plan.left_m - plan.right_m)
+        if not plan.turn_rad:
+            needed_m = chair.tracks.flat_run_m + chair.tracks.approach_m + LANDING_SPARE_M
+            if plan.depth_m < needed_m:
+                between = f"the landing between two flights is {plan.depth_m:.2f} m deep"
+                return f"{between}, the chair needs {needed_m:.2f} m; take another way"
+            continue
+        by = f"by {abs(plan.turn_rad) / DEG:.0f}°"
+        if not len(way_over(plan, staircase.width_m, outline)):
+            needed_m = 0.01 * math.ceil(100.0 * least_landing_m(plan, staircase.width_m, outline))
+            return f"{where} is {own_m:.2f} m, this chair needs {needed_m:.2f} m to turn {by}; take another way"
+        turns = turns or f"the stair turns {by} on {where}, and the chair drives straight on over a landing; take another way"
+    return turns
 
 
 def _too_short_to_arrive(scenario: Scenario, chair: ChairDescription) -> str | None:

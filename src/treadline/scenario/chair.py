@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
+import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
 from treadline.core.angles import DEG
@@ -23,6 +24,8 @@ GRAVITY_M_S2 = 9.81
 """Acceleration of gravity [m/s²]."""
 EMPTY_SEAT_KG = 0.5
 """Mass of the seat shell, which rotates with the payload [kg]."""
+ROUNDING = 1e-9
+"""Relative rounding of moments of inertia in a file."""
 SWEPT_SPARE_M = 0.025
 """Clearance on either side of a chair within which an object counts as an obstacle [m]."""
 
@@ -96,7 +99,29 @@ class Masses(Settings):
     chassis_kg: Mass
     chassis_com_m: Point
     chassis_size_m: Size
-    """Edges of the uniform box with the inertia of the chassis."""
+    """Edges of the box that touches the stair; of a uniform one with the inertia of the chassis, unless that is given."""
+    hull_m: Point | None = None
+    """Centre of that box. Unset: the centre of mass."""
+    inertia_kg_m2: tuple[float, float, float, float, float, float] | None = None
+    """Moments and products of inertia of the chassis about its centre of mass, along B's axes: xx, yy, zz, xy, xz, yz."""
+
+    @model_validator(mode="after")
+    def _a_body_has_this_inertia(self) -> "Masses":
+        if self.inertia_kg_m2 is None:
+            return self
+        xx, yy, zz, xy, xz, yz = self.inertia_kg_m2
+        low, middle, high = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).tolist()
+        if low <= 0.0 or high > (low + middle) * (1.0 + ROUNDING):
+            raise ValueError(
+                f"masses.inertia_kg_m2 has principal moments of {low:.4g}, {middle:.4g} and {high:.4g}; of a body each is above 0 "
+                "and none is larger than the two others together"
+            )
+        return self
+
+    @property
+    def hull_centre_m(self) -> Point:
+        """Centre of the box that touches the stair [m]."""
+        return self.hull_m or self.chassis_com_m
 
 
 class Seat(Settings):
@@ -199,6 +224,10 @@ class Flipper(Settings):
     lost_damping_n_m_s_rad: Annotated[float, Field(ge=0.0, le=1e4)]
     """Damping of rising motion with a dead motor: a diode shorts its windings in one direction only."""
     mass_kg: Mass
+    com_m: Place | None = None
+    """Distance of its centre of mass from its axis, along the section. Unset: half its length."""
+    inertia_kg_m2: Size | None = None
+    """Moments of inertia of both sides about that centre: along the section, across, and upright to both. Unset: of two rods."""
 
 
 TAKEN = ("chair", "seat", "load", "flat", "approach", "flipper", "track", "bar", "slider", "world")
@@ -311,6 +340,16 @@ class ChairDescription(Settings):
     battery: Battery | None = None
     """Battery of the motors; required with motors."""
 
+    @model_validator(mode="before")
+    @classmethod
+    def _a_list_alone_has_its_tracks(cls, tables: object) -> object:
+        """Take ``[tracks]`` and ``[flipper]`` from the sections of a vehicle that is written as a list alone."""
+        if not isinstance(tables, Mapping) or not tables.get("belt") or "tracks" in tables:
+            return tables
+        from treadline.scenario._belt_list import short_form  # few vehicles are written so
+
+        return short_form(tables)
+
     @model_validator(mode="after")
     def _the_chassis_stands_on_its_tracks(self) -> "ChairDescription":
         x_m, y_m, z_m = self.masses.chassis_com_m
@@ -320,9 +359,10 @@ class ChairDescription(Settings):
                 f"masses.chassis_com_m is [{x_m:g}, {y_m:g}, {z_m:g}], not above the tracks, which bear ±{half_run_m:.2f} m along "
                 f"and ±{half_width_m:.2f} m across: the chassis would tip over on the floor; give metres from mid-track, above 0"
             )
-        if (underside_m := z_m - 0.5 * self.masses.chassis_size_m[2]) <= 0.0:
+        middle_m = self.masses.hull_centre_m[2]
+        if (underside_m := middle_m - 0.5 * self.masses.chassis_size_m[2]) <= 0.0:
             high = f"masses.chassis_size_m is {self.masses.chassis_size_m[2]:g} high, so the chassis reaches down to"
-            raise ValueError(f"{high} {underside_m:.3f} m, where it catches on each nosing; give less than {2.0 * z_m:g}")
+            raise ValueError(f"{high} {underside_m:.3f} m, where it catches on each nosing; give less than {2.0 * middle_m:g}")
         return self
 
     @model_validator(mode="after")
@@ -390,7 +430,7 @@ class ChairDescription(Settings):
     @property
     def payload_origin_m(self) -> Point:
         """Origin of the payload's frame in B [m]: the seat's hinge, or the centre of a payload fixed to the chassis."""
-        fixed_m = self.masses.chassis_com_m if self.payload is None else self.payload.com_m
+        fixed_m = self.masses.hull_centre_m if self.payload is None else self.payload.com_m
         return fixed_m if self.seat is None else self.seat.hinge_m
 
     @property

@@ -13,9 +13,9 @@ from typing import Annotated, Literal, cast
 
 from pydantic import Field, model_validator
 
+from treadline.core.files import DATA
 from treadline.core.settings import Settings
 from treadline.core.signals import ROUNDING_S
-from treadline.scenario.shipped_files import DATA
 
 FaultKind = Literal[
     "camera_lost", "camera_frozen", "camera_dark", "depth_holes", "false_edges", "imu_nan", "imu_stuck", "imu_bias",

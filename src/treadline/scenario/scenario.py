@@ -8,15 +8,17 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from treadline.core.errors import SettingsError, closest
+from treadline.core.files import DATA
 from treadline.core.printing import Printable
 from treadline.core.settings import Settings, parse_toml, settings_of
 from treadline.scenario.camera_file import read_camera
 from treadline.scenario.chair import ChairDescription, Faces, read_chair
 from treadline.scenario.faults import Fault
+from treadline.scenario.flight import StairFlight
 from treadline.scenario.operator_actions import OperatorAct, act_problem
-from treadline.scenario.shipped_files import CAMERAS, CHAIRS, DATA, file_named
+from treadline.scenario.shipped_files import CAMERAS, CHAIRS, file_named
 from treadline.scenario.sill import Sill, sill_problem
-from treadline.scenario.stair import Stair, StepOverride, step_problem
+from treadline.scenario.stair import Stair, StepOverride, flight_problem, step_problem
 
 __all__ = [
     "SEAT_SHIFT_M", "SHIPPED", "Chair", "Control", "DriveSettings", "Scenario", "Sensors", "Stair",
@@ -264,6 +266,7 @@ class Scenario(Printable, Settings):
     drive: DriveSettings = DriveSettings()
     control: Control = Control()
     sensors: Sensors = Sensors()
+    flight: tuple[StairFlight, ...] = ()
     step: tuple[StepOverride, ...] = ()
     sill: tuple[Sill, ...] = ()
     operator: tuple[OperatorAct, ...] = ()
@@ -301,6 +304,9 @@ class Scenario(Printable, Settings):
 
     @model_validator(mode="after")
     def _tables_agree(self) -> "Scenario":
+        if (problem := flight_problem(self.stair, self.flight)) is not None:
+            raise ValueError(problem)
+        object.__setattr__(self, "stair", self.stair.with_flights(self.flight))
         problem = step_problem(self.stair, self.step) or sill_problem(self.stair, self.sill) or act_problem(self.operator)
         if problem is not None:
             raise ValueError(problem)

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from treadline.core.errors import SettingsError, closest
+from treadline.core.files import DATA
 
 if TYPE_CHECKING:
     from treadline.core.models import ControllerDesign
 
-DATA = Path(__file__).parents[1] / "data"
 CHAIRS, CAMERAS, CONTROLLERS = DATA / "chairs", DATA / "cameras", DATA / "controllers"
 KEYS = {CHAIRS: "chair.model", CAMERAS: "sensors.camera"}
 """Key of a scenario that names a file, by the folder of the shipped ones."""

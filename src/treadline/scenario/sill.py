@@ -12,7 +12,8 @@ from pydantic import Field, model_validator
 from treadline.core.angles import DEG
 from treadline.core.settings import Settings
 from treadline.core.step_sizes import ON_A_FLIGHT_RAD, SINGLE_RISE_M
-from treadline.scenario.stair import RISE_M, Stair
+from treadline.scenario.flight import RISE_M
+from treadline.scenario.stair import Stair, run_of
 
 
 class Sill(Settings):
@@ -75,12 +76,12 @@ def _off_the_landings(stair: Stair, sill: Sill) -> str | None:
         return None
     index = landing_of(stair, sill)
     if index is None or not -stair.count <= sill.step < stair.count or not stair.is_landing(index):
-        landings = ", ".join(str(last) for last in range(stair.steps - 1, stair.count, stair.steps))
+        landings = ", ".join(str(last) for last in stair.landings)
         return f"step is {sill.step}, and sills are on landings: give {landings}, or leave step out for the floor before the stair"
     is_last = index == stair.count - 1
     if sill.depth_m is None and not is_last:
         return f"step is {sill.step}, a landing between two flights, which has one height; give depth_m, the depth of a bar"
-    name, depth_m = ("landing_m", max(stair.landing_m, stair.run_m)) if is_last else ("between_m", stair.between_m)
+    name, depth_m = ("landing_m" if is_last else "between_m"), run_of(stair, (), index)
     too_far = f"it ends {sill.end_m:.2f} m behind the nosing, on a landing of {depth_m:.2f} m; give a larger stair.{name}"
     return too_far if sill.end_m >= depth_m else None
 

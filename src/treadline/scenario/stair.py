@@ -4,16 +4,21 @@ Rules that join several tables: ``Stair, StepOverrides -> the first problem, in 
 """
 
 import math
+from bisect import bisect_left
 from collections.abc import Sequence
+from itertools import accumulate
 from typing import Annotated, ClassVar, Literal, TypeGuard
 
-from pydantic import Field, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
 from treadline.core.angles import DEG
 from treadline.core.settings import Pairs, Settings
+from treadline.scenario.flight import RISE_M, RUN_M, LandingDepth, Rise, Run, StairFlight, StepCount
 
-RISE_M, RUN_M, SLOPE_DEG = (0.01, 0.30), (0.15, 1.00), (5.0, 45.0)
-"""Bounds of a staircase's rise, run and slope: from a threshold, whose run and slope mean nothing, to a dock."""
+SLOPE_DEG = (5.0, 45.0)
+"""Bounds of a staircase's slope."""
+TURN_DEG = {"none": 0.0, "left": 90.0, "right": -90.0}
+"""Turn of each next flight by its name."""
 TURNING_FLIGHTS = 4
 """Largest number of flights with quarter landings: after four quarters a fifth would lie above the first."""
 WINDER_DEG = 45.0
@@ -28,21 +33,21 @@ class Stair(Settings):
     """The staircase: ``rise_m`` and ``run_m``, or ``slope_deg`` with ``run_m``.
 
     The slope is another way to write the rise: it is converted as the file is read, and is not kept, nor is the run of a single
-    step. Several flights are alike, with a landing between any two.
+    step. Several flights are alike, with a landing between any two; ``[[flight]]`` tables give flights and landings of their own.
     """
 
     alternatives: ClassVar[Pairs] = (("rise_m", "slope_deg"),)
 
-    rise_m: Annotated[float, Field(ge=RISE_M[0], le=RISE_M[1])] = 0.16
+    rise_m: Rise = 0.16
     """Height of a step."""
-    run_m: Annotated[float, Field(ge=RUN_M[0], le=RUN_M[1])] = 0.30
+    run_m: Run = 0.30
     """Depth of a step, from nosing to nosing. A stair of one step has none: its value is then the default."""
     slope_deg: Annotated[float, Field(ge=SLOPE_DEG[0], le=SLOPE_DEG[1])] | None = Field(default=None, exclude=True)
     """Slope of the flight, in place of ``rise_m``."""
-    steps: Annotated[int, Field(ge=1, le=2000)] = 20
+    steps: StepCount = 20
     """Number of steps of each flight; the uppermost is its landing. One step is a kerb, a threshold or a dock, ``rise_m`` high."""
     flights: Annotated[int, Field(ge=1, le=20)] = 1
-    between_m: Annotated[float, Field(ge=0.5, le=20.0)] = 2.5
+    between_m: LandingDepth = 2.5
     """Depth of the landing between two flights, from the nosing of one to the first nosing of the next."""
     turn: Literal["none", "left", "right"] = "none"
     """Direction of each next flight: straight on, or a quarter turn to one side (quarter landings)."""
@@ -91,6 +96,8 @@ class Stair(Settings):
     walls: Literal["none", "left", "right", "both"] = "left"
     light: Annotated[float, Field(ge=0.35, le=1.6)] = 1.0
     """Gain of the light: 1 as usual, less is darker."""
+    _own: tuple[StairFlight, ...] = PrivateAttr(default=())
+    """Flights of ``[[flight]]`` tables."""
 
     @model_validator(mode="before")
     @classmethod
@@ -116,8 +123,8 @@ class Stair(Settings):
 
     @model_validator(mode="after")
     def _steps_exist(self) -> "Stair":
-        count = self.flights * self.steps
-        beyond = [index for index in self.missing_steps if index >= count or (index + 1) % self.steps == 0]
+        count = self.count
+        beyond = [index for index in self.missing_steps if index >= count or self.is_landing(index)]
         if beyond and self.steps == 1:
             raise ValueError(f"missing_steps names step {beyond[0]}, and with steps = 1 every step is a landing; remove it")
         if beyond and self.flights == 1:
@@ -201,6 +208,30 @@ class Stair(Settings):
         """Return whether a step is a winder."""
         return bool(self.winders) and self.first_winder <= index < self.first_winder + self.winders
 
+    def with_flights(self, flights: tuple[StairFlight, ...]) -> "Stair":
+        """Return the stair with the flights of ``[[flight]]`` tables; ``steps`` is then the number of the lowest flight's."""
+        if not flights:
+            return self
+        stair = self.model_copy(update={"steps": flights[0].steps, "flights": len(flights)})
+        stair._own = flights  # noqa: SLF001 - its own copy
+        return stair
+
+    @property
+    def each(self) -> tuple[StairFlight, ...]:
+        """Flights, the lowest first."""
+        next_one = StairFlight(steps=self.steps, turn_deg=TURN_DEG[self.turn], landing_depth_m=self.between_m)
+        return self._own or (StairFlight(steps=self.steps), *[next_one] * (self.flights - 1))
+
+    @property
+    def sizes_m(self) -> tuple[tuple[float, float], ...]:
+        """Rise and run of a step of each flight [m]."""
+        return tuple((flight.rise_m or self.rise_m, flight.run_m or self.run_m) for flight in self.each)
+
+    @property
+    def landings(self) -> tuple[int, ...]:
+        """Index of the uppermost step of each flight."""
+        return tuple(end - 1 for end in accumulate(flight.steps for flight in self.each))
+
     @property
     def slope_rad(self) -> float:
         """Angle of the nosing plane."""
@@ -209,7 +240,7 @@ class Stair(Settings):
     @property
     def count(self) -> int:
         """Number of steps of all flights."""
-        return self.flights * self.steps
+        return self.landings[-1] + 1
 
     @property
     def halves(self) -> tuple[Friction, Friction]:
@@ -224,7 +255,11 @@ class Stair(Settings):
 
     def is_landing(self, index: int) -> bool:
         """Return whether a step is the uppermost of its flight."""
-        return (index + 1) % self.steps == 0
+        return index in self.landings
+
+    def flight_of(self, index: int) -> int:
+        """Return the number of the flight to which a step belongs."""
+        return bisect_left(self.landings, index)
 
 
 def _within(limits: tuple[float, float], value: object) -> TypeGuard[float]:
@@ -260,6 +295,27 @@ class StepOverride(Settings):
     """Slope of its tread, positive where the back is higher than the nosing, so that water runs off the front."""
 
 
+def flight_problem(stair: Stair, flights: Sequence[StairFlight]) -> str | None:
+    """Return why the flights of ``[[flight]]`` tables cannot be built, or None."""
+    if not flights:
+        return None
+    if stair.winders:
+        return f"flight.0: stair.winders is {stair.winders}; a stair has winders or flights of its own: remove one of the two"
+    if "steps" in stair.model_fields_set and stair.steps != flights[0].steps:
+        return f"flight.0: steps is {flights[0].steps}, and stair.steps is {stair.steps}; leave stair.steps out"
+    if flights[0].turn_deg:
+        return f"flight.0: turn_deg is {flights[0].turn_deg:g}, and it rises from the floor; remove it"
+    for number, flight in enumerate(flights[1:], start=1):
+        least, own = flight.least_landing_m(stair.width_m), (flight.width_of_landing_m(stair.width_m), flight.landing_depth_m)
+        for name, least_m, own_m in zip(("landing_width_m", "landing_depth_m"), least, own, strict=True):
+            if own_m < least_m - 1e-9:  # rounding
+                return (
+                    f"flight.{number}: {name} is {own_m:g}; a flight {stair.width_m:g} m wide that turns by {flight.turn_deg:g}° "
+                    f"needs {least_m:.2f} m"
+                )
+    return None
+
+
 def step_problem(stair: Stair, overrides: Sequence[StepOverride]) -> str | None:
     """Return why a staircase cannot be built, or None."""
     for check in (_outside, _given_twice, _landing_depth, _shape_of_winder, _overhang, _steep_tread):
@@ -285,9 +341,12 @@ def _value_at(stair: Stair, overrides: Sequence[StepOverride], key: str, index: 
 
 def run_of(stair: Stair, overrides: Sequence[StepOverride], index: int) -> float:
     """Return the depth of a step to the next nosing, across a landing too."""
+    number = stair.flight_of(index)
+    run_m = stair.sizes_m[number][1]
     if index == stair.count - 1:
-        return max(stair.landing_m, stair.run_m)
-    return _value_at(stair, overrides, "run_m", index, stair.between_m if stair.is_landing(index) else stair.run_m)
+        return max(stair.landing_m, run_m)
+    usual_m = stair.each[number + 1].landing_depth_m if stair.is_landing(index) else run_m
+    return _value_at(stair, overrides, "run_m", index, usual_m)
 
 
 def _outside(stair: Stair, overrides: Sequence[StepOverride], number: int, _index: int) -> str | None:
@@ -345,7 +404,7 @@ def _steep_tread(stair: Stair, overrides: Sequence[StepOverride], number: int, i
     if not slope_deg or index == stair.count - 1:
         return None
     climb_m = run_of(stair, overrides, index) * math.tan(slope_deg * DEG)
-    rise_m = _value_at(stair, overrides, "rise_m", index + 1, stair.rise_m)
+    rise_m = _value_at(stair, overrides, "rise_m", index + 1, stair.sizes_m[stair.flight_of(index + 1)][0])
     if climb_m < rise_m:
         return None
     higher = f"the next nosing is only {rise_m:g} m higher"

@@ -10,7 +10,7 @@ from treadline.scenario.chair import CameraMount, ChairDescription
 from treadline.scenario.scenario import Scenario, Start
 from treadline.vehicle.staircase import Staircase
 from treadline.vehicle.start_pose import LANDING_SPARE_M, from_edge_m, length_m, standing
-from treadline.vehicle.visibility import geometry_of, least_nosings
+from treadline.vehicle.visibility import Geometry, least_nosings
 
 FURTHER_M = [0.01 * cm for cm in range(101)]
 """Distances from the edge of a landing that are tried for the remedy, beyond the present one [m]."""
@@ -31,7 +31,7 @@ class StartView:
         self._is_up = scenario.drive.direction == "up"
         self._name = "camera" if self._is_up else "rear_camera"
         mounted = chair.model_copy(update={self._name: mount})
-        self._geometry = geometry_of(staircase, mounted.camera_at(scenario.sensors.rows_px, rear=not self._is_up))
+        self._geometry = Geometry(staircase, mounted.camera_at(scenario.sensors.rows_px, rear=not self._is_up))
 
     def nosings(self, start: Start) -> int:
         """Return the number of nosings in the image and within the depth range of the sensor; 0 where fewer than two are.

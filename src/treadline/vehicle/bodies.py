@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from jaxtyping import Float
 
 from treadline.scenario.chair import ChairDescription, Flipper, Point, Seat, Tracks
 from treadline.scenario.scenario import Belts, Chair
@@ -53,7 +54,7 @@ class Hinge:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Body:
-    """Rigid body; the principal axes are those of its frame."""
+    """Rigid body; inertia along the axes of its frame."""
 
     name: str
     parent: str | None
@@ -62,7 +63,9 @@ class Body:
     mass_kg: float
     com_m: Point
     inertia: Point
-    """Principal moments of inertia about the centre of mass [kg·m²]."""
+    """Moments of inertia about the centre of mass [kg·m²]: xx, yy, zz."""
+    products: Point = (0.0, 0.0, 0.0)
+    """Products of inertia [kg·m²]: xy, xz, yz."""
     hinge: Hinge | None = None
     shapes: tuple[Shape, ...]
     wheels: tuple[Shape, ...] = ()
@@ -97,6 +100,12 @@ def vehicle(chair: ChairDescription, loading: Chair) -> Vehicle:
     return Vehicle(name=chair.name, chassis=_chassis(chair), seat=_seat(chair, loading), flippers=tuple(flippers))
 
 
+def inertia_of(body: Body) -> Float[np.ndarray, "3 3"]:
+    """Return the inertia of a body about its centre of mass [kg·m²]."""
+    (xx, yy, zz), (xy, xz, yz) = body.inertia, body.products
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
 def flipper_turns(chair: ChairDescription, flipper_rad: float | None = None) -> dict[str, float]:
     """Return the angle about B's y axis by which each section with a joint is turned, by the name of its body [rad].
 
@@ -116,14 +125,16 @@ def _body_name(section: Section) -> str:
 
 def _chassis(chair: ChairDescription) -> Body:
     masses = chair.masses
-    hull = Shape(name="hull", kind="box", centre_m=masses.chassis_com_m, half_m=_half(masses.chassis_size_m))
+    hull = Shape(name="hull", kind="box", centre_m=masses.hull_centre_m, half_m=_half(masses.chassis_size_m))
+    xx, yy, zz, xy, xz, yz = masses.inertia_kg_m2 or (*_box_inertia(masses.chassis_kg, masses.chassis_size_m), 0.0, 0.0, 0.0)
     return Body(
         name="chair",
         parent=None,
         origin_m=(0.0, 0.0, 0.0),
         mass_kg=masses.chassis_kg,
         com_m=masses.chassis_com_m,
-        inertia=_box_inertia(masses.chassis_kg, masses.chassis_size_m),
+        inertia=(xx, yy, zz),
+        products=(xy, xz, yz),
         shapes=(*(shape for side in SIDES for shape in _belt(chair, side)), hull),
         wheels=tuple(wheel for side, y_m in sides(chair.tracks) for wheel in _wheels(chair.tracks, side, y_m)),
     )
@@ -159,10 +170,11 @@ def _seat_hinge(seat: Seat) -> Hinge:
 def _flipper(section: Section, motor: Flipper) -> Body:
     """Return a section of both belts as one body hinged at its first axis; the axes of its frame are those of B at a zero joint."""
     low, high = (math.radians(angle) for angle in motor.range_deg)
-    across = motor.mass_kg * section.gauge_m**2 / 4.0  # half the mass on either side
-    along = motor.mass_kg * section.length_m**2 / 12.0
     c, s = math.cos(section.zero_rad), math.sin(section.zero_rad)
-    out_m, (x_m, z_m) = 0.5 * section.length_m, section.start_m
+    across = motor.mass_kg * section.gauge_m**2 / 4.0  # half the mass on either side
+    rod = motor.mass_kg * section.length_m**2 / 12.0
+    along, aside, upright = motor.inertia_kg_m2 or (across, rod, across + rod)
+    out_m, (x_m, z_m) = section.com_m, section.start_m
     hinge = Hinge(
         axis=(0.0, -section.raises, 0.0),
         range_rad=(low, high),
@@ -176,8 +188,8 @@ def _flipper(section: Section, motor: Flipper) -> Body:
         origin_m=(x_m, 0.0, z_m),
         mass_kg=motor.mass_kg,
         com_m=(out_m * c, 0.0, out_m * s),
-        # Moments of a rod, of which a quarter of a turn of the section exchanges the first and the last.
-        inertia=(across + along * s * s, along, across + along * c * c),
+        inertia=(along * c * c + upright * s * s, aside, along * s * s + upright * c * c),
+        products=(0.0, (along - upright) * s * c, 0.0),
         hinge=hinge,
         shapes=tuple(shape for side in SIDES for shape in _section(placed, side)),
     )
@@ -329,5 +341,7 @@ def _with_flippers(chair: ChairDescription, angle_rad: float | None) -> tuple[fl
     x, y, z = (total * place for place in chair.masses.chassis_com_m)
     for section in sections(chair):
         (start_x, start_z), (end_x, end_z), kg = section.start_m, section.end_m(angle), section.mass_kg
-        total, x, z = total + kg, x + 0.5 * kg * (start_x + end_x), z + 0.5 * kg * (start_z + end_z)
+        share = section.com_m / section.length_m
+        x, z = x + kg * ((1.0 - share) * start_x + share * end_x), z + kg * ((1.0 - share) * start_z + share * end_z)
+        total += kg
     return total, (x / total, y / total, z / total)

@@ -44,17 +44,13 @@ class Climb:
 
 
 def climb_of(scenario: Scenario, chair: ChairDescription) -> Climb:
-    """Return what the chair of a scenario climbs."""
+    """Return what the chair of a scenario climbs: its steepest flight."""
     stair, half_run_m = scenario.stair, 0.5 * chair.tracks.flat_run_m
-    pitch_m = math.hypot(stair.rise_m, stair.run_m)
-    if stair.steps > 1:
-        return Climb(
-            rise_m=stair.rise_m,
-            slope_rad=stair.slope_rad,
-            is_flight=True,
-            pitch_m=pitch_m,
-            half_run_m=half_run_m,
-        )
+    sizes_m = [size_m for flight, size_m in zip(stair.each, stair.sizes_m, strict=True) if flight.steps > 1]
+    rise_m, run_m = max(sizes_m, key=lambda size_m: math.atan2(*size_m), default=(stair.rise_m, stair.run_m))
+    pitch_m = math.hypot(rise_m, run_m)
+    if sizes_m:
+        return Climb(rise_m=rise_m, slope_rad=math.atan2(rise_m, run_m), is_flight=True, pitch_m=pitch_m, half_run_m=half_run_m)
     rise_m = max(step.rise_m for step in as_designed(stair, scenario.step, scenario.sill).steps)
     # The rear end stands on the floor, the middle of the flat run on the nosing.
     pitch_rad = math.asin(min(rise_m / half_run_m, 1.0))

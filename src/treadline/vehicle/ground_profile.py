@@ -15,9 +15,9 @@ def ground_profile(staircase: Staircase) -> Ground:
     Risers are upright, missing steps left out, sills and ramps included.
 
     Floor and uppermost landing reach as far behind their last sill as the simulated floor, whatever the landing's depth. The
-    ground of a stair that turns ends on its first landing or winder.
+    ground of a stair that turns ends on the landing or winder on which it turns first.
     """
-    steps = staircase.straight_parts[0] if staircase.turn_rad else staircase.steps
+    steps = staircase.alone(0).steps if staircase.winders is None else staircase.straight_parts[0]
     there = [step for step in steps if not step.missing]
     ends_m = [*(step.x_m for step in there[1:]), math.inf]
     floor = _outline(staircase, None, math.inf)

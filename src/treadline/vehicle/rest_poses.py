@@ -195,7 +195,7 @@ def rest_chair(
     chassis_x, _, chassis_z = chair.masses.chassis_com_m
     masses = [(chair.masses.chassis_kg, chassis_x, chassis_z, -1.0, 0.0, 0.0, 0.0)]
     masses += [
-        (section.motor.mass_kg, 0.5 * section.length_m, 0.0, float(number), 0.0, 0.0, 0.0)
+        (section.motor.mass_kg, section.com_m, 0.0, float(number), 0.0, 0.0, 0.0)
         for number, section in enumerate(known)
         if section.motor is not None
     ]

@@ -109,6 +109,7 @@ def divided(body: Body, tracks: Tracks, word: str) -> tuple[Body, Body, Body]:
             mass_kg=side_kg,
             com_m=(x, y + sign * aside_m, z),
             inertia=(own, own, 2.0 * own),
+            products=(0.0, 0.0, 0.0),
             shapes=tuple(shape for shape in body.shapes if shape.belt == side),
         )
         for (side, _), sign in zip(sides(tracks), (1.0, -1.0), strict=True)

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from treadline.core.rotations import Rotation, Vector3, rotation_y, rotation_z
 from treadline.scenario.chair import Point
-from treadline.vehicle.staircase import Relief, Staircase, Step, Winders
+from treadline.vehicle.staircase import FlightPlan, Relief, Staircase, Step, Winders
 
 TREAD_THICKNESS_M = 0.04
 """Thickness of an open-riser tread [m]."""
@@ -64,12 +64,29 @@ def stair_boxes(staircase: Staircase) -> tuple[Box, ...]:
 
     The plant rounds the nosings off; the camera draws them with these sharp edges.
     """
-    frames = [staircase.flight_frame(k) for k in range(staircase.flight_count)]
+    frames = [staircase.flight_frame(k) for k in range(len(staircase.plans))]
     treads = [_placed(box, *frame) for k, frame in enumerate(frames) for box in _treads(staircase, k)]
     walls = [_placed(box, *frame) for k, frame in enumerate(frames) for box in _walls(staircase, k)]
-    if staircase.end_wall:
-        walls.append(_placed(_end_wall(staircase), *frames[-1]))
-    return (*_floor(staircase, treads), *treads, *walls)
+    return (*_floor(staircase, treads), *treads, *walls, *landing_walls(staircase))
+
+
+def landing_walls(staircase: Staircase) -> tuple[Box, ...]:
+    """Return the walls at the sides of landings, open where the next flight leaves."""
+    walls = []
+    for k, (plan, steps) in enumerate(zip(staircase.plans, staircase.flights, strict=True)):
+        is_last, whole = k + 1 == len(staircase.plans), [(plan.right_m, plan.left_m)]
+        parts = [(side, part) for side in plan.walls for part in (whole if is_last else plan.closed(side, staircase.width_m))]
+        walls += [_placed(_wall_of(plan, steps[-1], *part), *staircase.flight_frame(k)) for part in parts]
+    return tuple(walls)
+
+
+def _wall_of(plan: FlightPlan, landing: Step, side: str, part_m: tuple[float, float]) -> Box:
+    """Return the wall at a part of a landing's side, in F."""
+    middle_m, half_m, half_height = 0.5 * sum(part_m), 0.5 * (part_m[1] - part_m[0]), 0.5 * WALL_HEIGHT_M
+    aside_m = {"left": plan.left_m + 0.05, "right": plan.right_m - 0.05}
+    place = (plan.depth_m + 0.05, middle_m) if side == "far" else (middle_m, aside_m[side])
+    size = (0.05, half_m, half_height) if side == "far" else (half_m, 0.05, half_height)
+    return Box(kind="wall", centre_W=(landing.x_m + place[0], place[1], landing.z_m + half_height), half_m=size)
 
 
 def _floor(staircase: Staircase, treads: Sequence[Box]) -> list[Box]:
@@ -154,8 +171,8 @@ def ground_m(surfaces: Float[np.ndarray, "N 8"], points_W: Float[np.ndarray, "n 
 def _treads(staircase: Staircase, flight: int) -> list[Box]:
     """Return the steps of a flight, winders included, and its landing, in F."""
     steps, winders = staircase.flights[flight], staircase.winders
-    is_last, half_width = flight + 1 == staircase.flight_count, 0.5 * staircase.width_m
-    goes_on = not is_last and not staircase.turn_rad
+    plan, half_width = staircase.plans[flight], 0.5 * staircase.width_m
+    goes_on = flight + 1 < len(staircase.plans) and not plan.turn_rad
     above: tuple[Step | None, ...] = (*steps[1:], staircase.flights[flight + 1][0] if goes_on else None)
     boxes: list[Box] = []
     for step, after in zip(steps, above, strict=True):
@@ -164,18 +181,18 @@ def _treads(staircase: Staircase, flight: int) -> list[Box]:
         if winders is not None and winders.holds(step.index):
             boxes += _winder(staircase, winders, step)
         elif after is None:
-            depth_m = max(staircase.landing_m, step.depth_m) if is_last else step.depth_m
-            boxes += _landing(staircase, step, depth_m)
+            boxes += _landing(staircase, plan, step, plan.depth_m)
         elif step is steps[-1]:
-            boxes += _landing(staircase, step, step.depth_m + _under(staircase, step, after))
+            boxes += _landing(staircase, plan, step, step.depth_m + _under(staircase, step, after))
         else:
             boxes += _tread(staircase, step, step.depth_m + _under(staircase, step, after), "step", half_width)
     return boxes
 
 
-def _landing(staircase: Staircase, step: Step, depth_m: float) -> list[Box]:
+def _landing(staircase: Staircase, plan: FlightPlan, step: Step, depth_m: float) -> list[Box]:
     """Return the boxes of a landing up to its first sill, and the slabs behind, in F."""
-    half_width, relief = 0.5 * staircase.width_m, staircase.reliefs.get(step.index)
+    half_width, relief = 0.5 * (plan.left_m - plan.right_m), staircase.reliefs.get(step.index)
+    step = _aside(step, 0.5 * (plan.left_m + plan.right_m))
     if relief is None:
         return _tread(staircase, step, depth_m, "landing", half_width)
     before = _tread(staircase, step, relief[1][0], "landing", half_width)
@@ -195,14 +212,18 @@ def _under(staircase: Staircase, step: Step, after: Step) -> float:
 def _winder(staircase: Staircase, winders: Winders, step: Step) -> list[Box]:
     """Return the boxes that cover a winder's wedge; what they cover beyond it lies under the next steps or in the newel."""
     into_newel_m = winders.newel_m * (1.0 - math.cos(winders.step_rad))
-    aside_m = 0.5 * into_newel_m * winders.side
-    inward = replace(step, x_m=step.x_m - aside_m * math.sin(step.yaw_rad), y_m=step.y_m + aside_m * math.cos(step.yaw_rad))
+    inward = _aside(step, 0.5 * into_newel_m * winders.side)
     # Jitter turns two nosings apart: the winder reaches under the next step beyond its wedge.
     after = staircase.steps[step.index + 1]
     design_rad = winders.step_rad if winders.holds(after.index) else -winders.nosing(winders.count - 1)[2]
     turned_m = 0.5 * staircase.width_m * abs(math.tan(after.yaw_rad - step.yaw_rad - design_rad))
     depth_m = winders.depth_m + (max(0.10, turned_m + 0.01) + after.overhang_m)
     return _tread(staircase, inward, depth_m, "step", 0.5 * (staircase.width_m + into_newel_m))
+
+
+def _aside(step: Step, aside_m: float) -> Step:
+    """Return a step with its middle moved along its nosing, positive to the left."""
+    return replace(step, x_m=step.x_m - aside_m * math.sin(step.yaw_rad), y_m=step.y_m + aside_m * math.cos(step.yaw_rad))
 
 
 def _tread(staircase: Staircase, step: Step, depth_m: float, kind: str, half_width: float) -> list[Box]:
@@ -234,14 +255,6 @@ def _behind_nosing(step: Step, kind: str, half_width: float, depth_m: float, fro
         yaw_rad=step.yaw_rad,
         pitch_rad=step.tread_slope_rad,
     )
-
-
-def _end_wall(staircase: Staircase) -> Box:
-    """Return the wall across the far end of the uppermost landing, in F."""
-    last, half_height = staircase.steps[-1], 0.5 * WALL_HEIGHT_M
-    end_x = last.x_m + max(staircase.landing_m, last.depth_m)
-    centre = (end_x + 0.05, 0.0, last.z_m + half_height)
-    return Box(kind="wall", centre_W=centre, half_m=(0.05, 0.5 * staircase.width_m, half_height))
 
 
 def _walls(staircase: Staircase, flight: int) -> list[Box]:

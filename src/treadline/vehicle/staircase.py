@@ -1,14 +1,14 @@
 """Staircase in the world: steps, nosings, flights and their frames; ``stair_solids`` gives its volume.
 
-Paper: Fig. 3(a) (height h, width w). W: z up, x up the flight, origin on the floor under the first nosing, mid-width. Several
-straight flights are equal except for jitter, with a landing between any two; S is the frame of the first flight, so that x along S
-also grows over the landings, by cos β per metre. Turning flights (quarter landings) have separate frames F: like W, below the first
-nosing of the flight. Positions of steps are then in F, and S belongs to a flight.
+Paper: Fig. 3(a) (height h, width w). W: z up, x up the flight, origin on the floor under the first nosing, mid-width. Flights in
+line, from one turn to the next, are a course; x along its frame S also grows over the landings, by cos β per metre. Each course
+above a turn has its own frame F: like W, below its first nosing. Positions of steps are in F.
 """
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import accumulate, pairwise
 from operator import attrgetter
 from typing import Any
 
@@ -17,11 +17,12 @@ from jaxtyping import Float
 
 from treadline.core.angles import DEG, wrap
 from treadline.core.rotations import Rotation, Vector3, rotation_y, rotation_z
+from treadline.scenario.flight import Side, StairFlight
 from treadline.scenario.sill import Sill, landing_of
-from treadline.scenario.stair import Friction, Stair, StepOverride, place_of
+from treadline.scenario.stair import TURN_DEG, Friction, Stair, StepOverride, place_of
 
-SIGN_OF_TURN = {"none": 0, "left": 1, "right": -1}
-"""Sign of a turn, positive to the left."""
+TINY = 1e-9
+"""Cosine of a quarter turn, and length of nothing [m], by rounding."""
 Relief = tuple[tuple[float, float], ...]
 """Outline of ground with sills: distance from the flight and height of each vertex [m], the nearest first."""
 
@@ -125,6 +126,54 @@ class Winders:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FlightPlan:
+    """Plan of one flight and of the landing above it, a rectangle in F: x from the landing's nosing, y to the left."""
+
+    count: int
+    """Number of steps, the landing included."""
+    slope_rad: float
+    """Design slope of the nosing plane, without jitter [rad]."""
+    turn_rad: float = 0.0
+    """Turn of the next flight, positive to the left; zero straight on and above the last flight."""
+    depth_m: float
+    """Depth of the landing [m]; a flight that winders end has none."""
+    right_m: float
+    left_m: float
+    """Places of the landing's sides across the flight [m]."""
+    walls: tuple[Side, ...] = ()
+    """Sides of the landing with a wall."""
+
+    @property
+    def side(self) -> float:
+        """Side to which the next flight turns: 1 on the left, -1 on the right."""
+        return math.copysign(1.0, self.turn_rad)
+
+    def closed(self, side: str, width_m: float) -> list[tuple[float, float]]:
+        """Return the parts of a side that the next flight of a width leaves closed: from and to along it, as the landing [m]."""
+        across = side == "far"
+        low_m, high_m = (self.right_m, self.left_m) if across else (0.0, self.depth_m)
+        leaves = math.cos(self.turn_rad) > -TINY if across else self.turn_rad != 0.0 and (self.side > 0.0) == (side == "left")
+        first_m, last_m = sorted(self.foot(width_m)[:, int(across)].tolist()) if leaves else (high_m, high_m)
+        return [(start, end) for start, end in ((low_m, first_m), (last_m, high_m)) if end - start > TINY]
+
+    def foot(self, width_m: float) -> Float[np.ndarray, "2 2"]:
+        """Return the outer and the inner end of the next flight's foot on the landing, in F from the landing's nosing [m].
+
+        Straight on it is in the middle of the far end. Up to 90° it cuts the corner at the far end, so that it is flush with it
+        after a quarter turn; above 90° it cuts the corner next to this flight.
+        """
+        c, s = math.cos(self.turn_rad), abs(math.sin(self.turn_rad))
+        aside_m = self.left_m if self.turn_rad > 0.0 else -self.right_m
+        if not self.turn_rad:
+            ends = [[self.depth_m, -0.5 * width_m], [self.depth_m, 0.5 * width_m]]
+        elif c > -TINY:
+            ends = [[self.depth_m, aside_m - c * width_m], [self.depth_m - s * width_m, aside_m]]
+        else:
+            ends = [[s * width_m, aside_m], [0.0, aside_m + c * width_m]]
+        return np.array(ends) * (1.0, self.side)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Staircase:
     """Flight between a floor and a landing, or several flights with landings between them."""
 
@@ -136,29 +185,38 @@ class Staircase:
     open_risers: bool
     nosing_radius_m: float
     """Radius of the nosings as designed; ``steps`` hold the radius of each."""
-    slope_rad: float
-    """Design slope of the nosing plane, without jitter [rad]."""
     friction: Friction
     """Design friction along and across; individual values are in ``steps``."""
     floor_friction: Friction
     walls: str
     end_wall: bool
     """Whether a wall stands across the far end of the uppermost landing."""
-    flight_count: int
-    """Number of flights; winders count as the top of the flight below them."""
-    turn_rad: float
-    """Turn from each flight to the next, positive to the left; zero straight on."""
+    plans: tuple[FlightPlan, ...]
+    """Plan of each flight; winders count as the top of the flight below them."""
     winders: Winders | None
     reliefs: Mapping[int | None, Relief]
     """Outlines of floor (None) and landings (index of the step) with sills; others are absent."""
 
     @property
+    def slope_rad(self) -> float:
+        """Design slope of the lowest flight's nosing plane [rad]."""
+        return self.plans[0].slope_rad
+
+    @property
     def flights(self) -> tuple[tuple[Step, ...], ...]:
         """Steps of each flight, the lowest first; the uppermost step of each flight is its landing."""
-        if self.winders is not None:
-            return self.steps[: self.winders.after], self.steps[self.winders.after :]
-        each = len(self.steps) // self.flight_count
-        return tuple(self.steps[k * each : (k + 1) * each] for k in range(self.flight_count))
+        ends = list(accumulate(plan.count for plan in self.plans))
+        return tuple(self.steps[end - plan.count : end] for end, plan in zip(ends, self.plans, strict=True))
+
+    @property
+    def courses(self) -> tuple[range, ...]:
+        """Numbers of the flights in line with each other, from one turn to the next."""
+        begins = [0, *(k for k, plan in enumerate(self.plans[:-1], start=1) if plan.turn_rad)]
+        return tuple(range(first, end) for first, end in pairwise([*begins, len(self.plans)]))
+
+    def course_of(self, flight: int) -> int:
+        """Return the number of the course to which a flight belongs."""
+        return next(number for number, course in enumerate(self.courses) if flight in course)
 
     @property
     def straight_parts(self) -> tuple[tuple[Step, ...], ...]:
@@ -171,22 +229,23 @@ class Staircase:
         """Return distance and height of the ground behind the sills of floor (None) or landing [m]."""
         return self.reliefs.get(place, ((0.0, 0.0),))[-1]
 
-    def alone(self, flight: int) -> "Staircase":
-        """Return one flight with its landing and without the others; W is then F."""
-        steps = self.flights[flight]
+    def alone(self, course: int) -> "Staircase":
+        """Return the flights of one course with their landings and without the others; W is then F."""
+        numbers = self.courses[course]
+        steps = tuple(step for k in numbers for step in self.flights[k])
         is_last = steps[-1] is self.steps[-1]
         landing_m = self.landing_m if is_last else steps[-1].depth_m
-        end_wall = self.end_wall and is_last
-        return replace(self, steps=steps, landing_m=landing_m, end_wall=end_wall, flight_count=1, turn_rad=0.0, winders=None)
+        plans = (*self.plans[numbers.start : numbers.stop - 1], replace(self.plans[numbers.stop - 1], turn_rad=0.0))
+        return replace(self, steps=steps, landing_m=landing_m, end_wall=self.end_wall and is_last, plans=plans, winders=None)
 
     def flight_frame(self, flight: int) -> tuple[Rotation, Vector3]:
         """Return rotation and origin of a flight's frame F in the world."""
         R_WF, p_WF = np.eye(3), np.zeros(3)
-        if self.turn_rad:
-            for below in range(flight):
+        for below in range(flight):
+            if turn_rad := self.plans[below].turn_rad:
                 p_WF = p_WF + R_WF @ self._next_origin_F(below)
                 # Rounded, so that a quarter turn has whole numbers.
-                R_WF = np.round(R_WF @ rotation_z(self.turn_rad), 15)
+                R_WF = np.round(R_WF @ rotation_z(turn_rad), 15)
         return R_WF, p_WF
 
     def _next_origin_F(self, flight: int) -> Vector3:
@@ -194,52 +253,51 @@ class Staircase:
         if self.winders is not None:
             x, y, _ = self.winders.nosing(self.winders.count)
             return np.array([self.steps[self.winders.first].x_m + x, y, 0.0])
-        landing = self.flights[flight][-1]
-        # The next flight leaves the landing by its side, flush with its far end.
-        aside_m = math.copysign(0.5 * self.width_m, self.turn_rad)
-        return np.array([landing.x_m + landing.depth_m - 0.5 * self.width_m, aside_m, 0.0])
+        x, y = self.plans[flight].foot(self.width_m).mean(axis=0)
+        return np.array([self.flights[flight][-1].x_m + x, y, 0.0])
 
     def _length_m(self, flight: int) -> float:
         """Return how far along the stair, in the plan, the next flight's origin lies from a flight's own.
 
-        At the corner of a turn a place has the same distance along the stair in both frames.
+        At the corner of a quarter turn a place has the same distance along the stair in both frames.
         """
         if self.winders is not None:
-            chord_m = 2.0 * self.winders.walking_radius_m * math.sin(0.5 * abs(self.turn_rad))
+            chord_m = 2.0 * self.winders.walking_radius_m * math.sin(0.5 * abs(self.plans[flight].turn_rad))
             return self.steps[self.winders.first].x_m + chord_m
-        landing = self.flights[flight][-1]
-        return landing.x_m + landing.depth_m
+        return self.flights[flight][-1].x_m + self.plans[flight].depth_m
 
     def stair_frame(self, flight: int) -> tuple[Rotation, Vector3, float]:
         """Return the frame S of a flight: rotation, origin, and distance of the origin along the stair over the landings [m]."""
-        if not self.turn_rad:
-            return self.R_WS, self.p_WS, 0.0
+        along_m, z_m, number = 0.0, self.steps[0].z_m, self.course_of(flight)
+        for course in self.courses[:number]:
+            slope_rad, landing_m = self.plans[course.start].slope_rad, self.flights[course[-1]][-1].z_m
+            along_m += self._length_m(course[-1]) * math.cos(slope_rad) + (landing_m - z_m) * math.sin(slope_rad)
+            z_m = landing_m
+        start = self.courses[number].start
+        first, slope_rad = self.flights[start][0], self.plans[start].slope_rad
+        along_m += (first.z_m - z_m) * math.sin(slope_rad)
         R_WF, p_WF = self.flight_frame(flight)
-        first, c, s = self.flights[flight][0], math.cos(self.slope_rad), math.sin(self.slope_rad)
-        along_m = sum(self._length_m(below) * c for below in range(flight))
-        origin = p_WF + R_WF @ first.nosing_F
-        return R_WF @ self.R_WS, origin, along_m + (first.z_m - self.steps[0].z_m) * s
+        return R_WF @ rotation_y(-slope_rad), p_WF + R_WF @ first.nosing_F, along_m
 
     def flight_at(self, p_WB: Vector3, R_WB: Rotation) -> int:
-        """Return the flight under a chair; on a landing, that of the two flights with the smaller heading error."""
-        if not self.turn_rad:
-            return 0
+        """Return the flight under a chair; on a landing, the lowest of those with the smallest heading error."""
         yaw = math.atan2(R_WB[1, 0], R_WB[0, 0])
         height_m = float(p_WB[2])
         lift_m = 0.3  # more than the lift by a pulley and its flipper
+        turned = [0.0, *accumulate(plan.turn_rad for plan in self.plans[:-1])]
         near = [
             k
             for k, steps in enumerate(self.flights)
             if steps[0].z_m - steps[0].rise_m - lift_m <= height_m <= steps[-1].z_m + lift_m
         ]
-        heading_errors = {k: abs(wrap(yaw - k * self.turn_rad)) for k in near or range(self.flight_count)}
+        heading_errors = {k: abs(wrap(yaw - turned[k])) for k in near or range(len(turned))}
         return min(heading_errors, key=lambda k: (heading_errors[k], k))
 
     @property
     def last_nosing_m(self) -> float:
         """Position of the uppermost nosing along the stair (S), measured from the first over the landings [m]."""
-        R_WS, p_WS, along_m = self.stair_frame(self.flight_count - 1)
-        R_WF, p_WF = self.flight_frame(self.flight_count - 1)
+        last = len(self.plans) - 1
+        (R_WS, p_WS, along_m), (R_WF, p_WF) = self.stair_frame(last), self.flight_frame(last)
         return along_m + float(R_WS[:, 0] @ (p_WF + R_WF @ self.steps[-1].nosing_F - p_WS))
 
     @property
@@ -255,7 +313,7 @@ class Staircase:
     @property
     def nosings_W(self) -> Float[np.ndarray, "N 3"]:
         """Points on the nosings at mid-width [m], missing steps excluded."""
-        frames = [self.flight_frame(k) for k in range(self.flight_count)]
+        frames = [self.flight_frame(k) for k in range(len(self.plans))]
         return np.array(
             [
                 p_WF + R_WF @ step.nosing_F
@@ -287,16 +345,17 @@ def build_staircase(
         overrides: Properties of individual steps, which replace design values and jitter.
         sills: Sills on floor and landings.
     """
-    count = stair.count
+    count, sizes, numbers = stair.count, np.array(stair.sizes_m), [flight.steps for flight in stair.each]
     own = _by_step(stair, overrides)
-    rises = stair.rise_m + stair.rise_jitter_m * rng.standard_normal(count)
+    rise_m, run_m = np.repeat(sizes, numbers, axis=0).T
+    rises = rise_m + stair.rise_jitter_m * rng.standard_normal(count)
     yaws = stair.nosing_yaw_jitter_deg * DEG * rng.standard_normal(count)
     longer = stair.run_jitter_m * rng.standard_normal(count) if stair.run_jitter_m else np.zeros(count)
     for index, keys in own.items():
         rises[index] = keys.get("rise_m", rises[index])
         yaws[index] = keys["yaw_deg"] * DEG if "yaw_deg" in keys else yaws[index]
-        longer[index] = keys["run_m"] - stair.run_m if "run_m" in keys else longer[index]
-    longer[stair.steps - 1 :: stair.steps] = 0.0  # stair.landing_m and between_m are the landings' depths
+        longer[index] = keys["run_m"] - run_m[index] if "run_m" in keys else longer[index]
+    longer[list(stair.landings)] = 0.0  # the landings' depths are given
     winders = _winders(stair)
     if winders is not None:
         longer[winders.first : winders.after] = 0.0
@@ -327,13 +386,11 @@ def build_staircase(
         landing_m=stair.landing_m,
         open_risers=stair.open_risers,
         nosing_radius_m=stair.nosing_radius_m,
-        slope_rad=stair.slope_rad,
         friction=stair.friction,
         floor_friction=stair.floor_friction or stair.friction,
         walls=stair.walls,
         end_wall=stair.end_wall,
-        flight_count=stair.flights if winders is None else 2,
-        turn_rad=0.5 * math.pi * SIGN_OF_TURN[stair.turn] if winders is None else winders.turn_rad,
+        plans=_plans(stair, winders),
         winders=winders,
         reliefs=_reliefs(stair, sills),
     )
@@ -361,33 +418,62 @@ def _winders(stair: Stair) -> Winders | None:
     return Winders(
         first=stair.first_winder,
         count=stair.winders,
-        turn_rad=stair.winder_turn_deg * DEG * SIGN_OF_TURN[stair.winder_to],
+        turn_rad=math.copysign(stair.winder_turn_deg * DEG, TURN_DEG[stair.winder_to]),
         newel_m=stair.newel_m,
         width_m=stair.width_m,
     )
+
+
+def _plans(stair: Stair, winders: Winders | None) -> tuple[FlightPlan, ...]:
+    """Return the plans of the flights; winders divide the only flight."""
+    half_m = 0.5 * stair.width_m
+    walls: tuple[Side, ...] = ("far",) if stair.end_wall else ()
+    if winders is not None:
+        parts = ((winders.after, winders.turn_rad), (stair.steps - winders.after, 0.0))
+        sides = {"slope_rad": stair.slope_rad, "depth_m": max(stair.landing_m, stair.run_m), "right_m": -half_m, "left_m": half_m}
+        return tuple(FlightPlan(count=count, turn_rad=turn_rad, walls=walls, **sides) for count, turn_rad in parts)
+    uppermost_m = max(stair.landing_m, stair.sizes_m[-1][1])
+    last = StairFlight.model_construct(steps=1, landing_depth_m=uppermost_m, landing_walls=walls)
+    plans = []
+    for flight, size_m, above in zip(stair.each, stair.sizes_m, (*stair.each[1:], last), strict=True):
+        # A landing is as wide to both sides straight on; else it reaches to the side of the turn.
+        wider_m = above.width_of_landing_m(stair.width_m) - stair.width_m
+        left, right = (0.5, 0.5) if not above.turn_deg else (1.0, 0.0) if above.turn_deg > 0.0 else (0.0, 1.0)
+        plans.append(
+            FlightPlan(
+                count=flight.steps,
+                slope_rad=math.atan2(*size_m),
+                turn_rad=above.turn_deg * DEG,
+                depth_m=above.landing_depth_m,
+                right_m=-half_m - right * wider_m,
+                left_m=half_m + left * wider_m,
+                walls=above.landing_walls,
+            )
+        )
+    return tuple(plans)
 
 
 def _places(stair: Stair, longer_m: Float[np.ndarray, " n"], winders: Winders | None) -> list[tuple[float, float, float, float]]:
     """Return each step's place in its flight (x, y), the turn of its nosing by design, and its depth.
 
     Args:
-        longer_m: Depth of each step beyond ``stair.run_m``.
+        longer_m: Depth of each step beyond the run of its flight.
     """
-    count = stair.count
     moved = np.cumsum(longer_m) - longer_m
-    further_m = stair.between_m - stair.run_m
-    first = np.arange(0, count, stair.steps)
-    turns = stair.turn != "none"
-    begins = first * stair.run_m + np.arange(stair.flights) * further_m + moved[first] if turns else np.zeros(stair.flights)
-    places = [
-        (
-            i * stair.run_m + i // stair.steps * further_m + float(moved[i]) - float(begins[i // stair.steps]),
-            0.0,
-            0.0,
-            (stair.between_m if stair.is_landing(i) and i + 1 < count else stair.run_m) + float(longer_m[i]),
-        )
-        for i in range(count)
-    ]
+    places: list[tuple[float, float, float, float]] = []
+    further_m = begin_m = before_m = 0.0
+    for number, (flight, (_, run_m)) in enumerate(zip(stair.each, stair.sizes_m, strict=True)):
+        first, last = len(places), len(places) + flight.steps - 1
+        # Each place is the product of its index and the run, plus what landings and other runs below add.
+        further_m += (flight.landing_depth_m - before_m) + first * (before_m - run_m) if number else 0.0
+        if flight.turn_deg:
+            begin_m = first * run_m + further_m + float(moved[first])
+        depth_m = run_m if number + 1 == stair.flights else stair.each[number + 1].landing_depth_m
+        places += [
+            (i * run_m + further_m + float(moved[i]) - begin_m, 0.0, 0.0, (depth_m if i == last else run_m) + float(longer_m[i]))
+            for i in range(first, last + 1)
+        ]
+        before_m = run_m
     if winders is None:
         return places
     foot_x_m, above_x_m = places[winders.first][0], places[winders.after][0]

@@ -23,6 +23,8 @@ from treadline.vehicle.stair_solids import Box, stair_boxes, stair_solids
 from treadline.vehicle.staircase import Staircase, as_designed
 from treadline.vehicle.start_pose import CLEARANCE_M, LANDING_LEAST_M, Standing, from_edge_m, length_m, rounded_off_m, standing
 
+HEADROOM_M = 2.0
+"""Least height between two flights [m]: the headroom over stairs in the UK's Approved Document K."""
 SUNK_M = 0.01
 """Largest accepted penetration of a part into floor or stair at the start [m]: settling before t = 0 removes it."""
 PARTS = {"hull": "the hull", "payload": "the passenger", "nose": "the tip of the flipper", "approach": "the flipper"}
@@ -257,6 +259,23 @@ def deepest_overlap(parts: tuple[PlacedPart, ...], staircase: Staircase) -> Over
             if depth_m > (0.0 if worst is None else worst.depth_m):
                 worst = Overlap(part=part.name, into=box.kind, index=box.index, depth_m=depth_m)
     return worst
+
+
+def crossing_flights(staircase: Staircase) -> tuple[int, int] | None:
+    """Return two flights of which one passes too low over the other, or None; a flight may stand on the landing at its foot."""
+    number = {step.index: k for k, steps in enumerate(staircase.flights) for step in steps}
+    can_cross = len(staircase.courses) > 1 and staircase.winders is None
+    boxes = [box for box in stair_boxes(staircase) if can_cross and box.kind in ("step", "landing")]
+    for box in boxes:
+        x, y, z = box.centre_W
+        room_m = np.array([*box.half_m[:2], box.half_m[2] + 0.5 * HEADROOM_M])
+        below = PlacedPart(name="", centre_W=np.array([x, y, z - 0.5 * HEADROOM_M]), half_m=room_m, R_WK=box.R_WK)
+        for lower in boxes:
+            two = number[lower.index], number[box.index]
+            stands = two[1] == two[0] or (two[1] == two[0] + 1 and lower.kind == "landing")
+            if lower.index < box.index and not stands and depth_of_overlap(below, lower) > SUNK_M:
+                return two
+    return None
 
 
 def depth_of_overlap(part: PlacedPart, box: Box) -> float:

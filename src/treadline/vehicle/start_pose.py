@@ -57,10 +57,10 @@ def standing(staircase: Staircase, tracks: Tracks, start: Start) -> Standing:
         sills_m, level_m = staircase.ground_behind(top.index)
         behind_m = along + max(from_edge_m(staircase, tracks), sills_m + LANDING_LEAST_M)
         p_WB = np.array([top.x_m + behind_m, start.lateral_m, top.z_m + level_m + CLEARANCE_M + behind_m * math.tan(slope)])
-        flight = staircase.flight_count - 1
+        flight = len(staircase.plans) - 1
     else:
         step = staircase.steps[start.step]
-        flight = next(k for k, steps in enumerate(staircase.flights) if step in steps) if staircase.turn_rad else 0
+        flight = next(k for k, steps in enumerate(staircase.flights) if step in steps)
         lifted_m = CLEARANCE_M - rounded_off_m(step.nosing_radius_m, slope) + _above_plane_m(staircase, step, tracks.flat_run_m)
         from_nosing = staircase.R_WS @ np.array([-along, start.lateral_m, lifted_m])
         p_WB = step.nosing_F + from_nosing

@@ -46,6 +46,11 @@ class Section:
         """Mass of a section with a joint [kg]; 0 of a fixed one, which is part of the chassis."""
         return 0.0 if self.motor is None else self.motor.mass_kg
 
+    @property
+    def com_m(self) -> float:
+        """Distance of the centre of mass of a section with a joint from its start, along the section [m]."""
+        return 0.5 * self.length_m if self.motor is None or self.motor.com_m is None else self.motor.com_m
+
     def direction_rad(self, flipper_rad: float) -> float:
         """Return the direction of its end from its start above B's x axis at an angle of the flipper [rad]."""
         return self.zero_rad + self.raises * (flipper_rad if self.follows else self.stays_rad)

@@ -98,19 +98,19 @@ class Visibility:
 
 def least_nosings(staircase: Staircase) -> int:
     """Return the least number of visible nosings of a detectable flight: one where it has no more."""
-    return min(LEAST_NOSINGS, len(staircase.steps) // staircase.flight_count)
+    return min(LEAST_NOSINGS, max(plan.count for plan in staircase.plans))
 
 
-class Geometry:
-    """Visibility model of a staircase and a camera."""
+class _Course:
+    """Visibility model of flights in line and a camera."""
 
     def __init__(self, staircase: Staircase, calibration: PinholeCamera) -> None:
         self._staircase = staircase
         self._camera = calibration
         steps = [step for step in staircase.steps if not step.missing]
         self._numbers = np.array([step.index for step in steps])
-        places = np.array([place for place, step in enumerate(staircase.steps) if not step.missing])
-        self._flights = places * staircase.flight_count // len(staircase.steps)
+        flights = np.repeat(np.arange(len(staircase.plans)), [plan.count for plan in staircase.plans])
+        self._flights = flights[[not step.missing for step in staircase.steps]]
         self._places_W = np.array([step.nosing_F for step in steps])
         self._along_W = np.array([[-math.sin(step.yaw_rad), math.cos(step.yaw_rad), 0.0] for step in steps])
         asides = np.linspace(-0.5, 0.5, ASIDES) * staircase.width_m
@@ -219,7 +219,7 @@ class Geometry:
             return 0.0, 0.0
         rays = self._rays_C @ R_WC.T
         places = self._places_W[self._flights == flight]
-        first, last, slope = places[0], places[-1], math.tan(staircase.slope_rad)
+        first, last, slope = places[0], places[-1], math.tan(staircase.plans[flight].slope_rad)
         half = 0.5 * staircase.width_m
         with np.errstate(divide="ignore", invalid="ignore"):
             aside = (np.copysign(half, rays[:, 1]) - p_WC[1]) / rays[:, 1]
@@ -239,26 +239,21 @@ def margins_px(camera: PinholeCamera, points_C: Float[np.ndarray, "*n 3"]) -> Fl
     return np.where(points_C[..., 2] > 0.1, np.maximum(inside, OUTSIDE_PX), OUTSIDE_PX)
 
 
-def geometry_of(staircase: Staircase, calibration: PinholeCamera) -> "Geometry | _TurningGeometry":
-    """Return the visibility model of a staircase, with or without turning flights."""
-    return (_TurningGeometry if staircase.turn_rad else Geometry)(staircase, calibration)
-
-
-class _TurningGeometry:
-    """Visibility model of a staircase with turning flights: each flight without occlusion by the others."""
+class Geometry:
+    """Visibility model of a staircase and a camera: each course of flights in line without occlusion by the others."""
 
     def __init__(self, staircase: Staircase, calibration: PinholeCamera) -> None:
         self._staircase = staircase
-        self._frames = [staircase.flight_frame(k) for k in range(staircase.flight_count)]
-        self._flights = [Geometry(staircase.alone(k), calibration) for k in range(staircase.flight_count)]
+        self._frames = [staircase.flight_frame(course.start) for course in staircase.courses]
+        self._courses = [_Course(staircase.alone(k), calibration) for k in range(len(self._frames))]
 
     def visibility(self, R_WB: Rotation, p_WB: Vector3) -> Visibility | None:
-        """Return the visible part of the chair's own flight, or of a neighbouring one; None without a detectable stair."""
-        own = self._staircase.flight_at(p_WB, R_WB)
+        """Return the visible part of the chair's own course, or of a neighbouring one; None without a detectable stair."""
+        own = self._staircase.course_of(self._staircase.flight_at(p_WB, R_WB))
         for k in (own, own + 1, own - 1):
-            if 0 <= k < len(self._flights):
+            if 0 <= k < len(self._courses):
                 R_WF, p_WF = self._frames[k]
-                seen = self._flights[k].visibility(R_WF.T @ R_WB, R_WF.T @ (p_WB - p_WF))
+                seen = self._courses[k].visibility(R_WF.T @ R_WB, R_WF.T @ (p_WB - p_WF))
                 if seen is not None:
                     return seen
         return None

@@ -12,14 +12,13 @@ from pathlib import Path
 from typing import Any
 
 from treadline.core.errors import LogFormatError
-from treadline.core.files import json_of
+from treadline.core.files import DATA, json_of
 from treadline.core.models import BAG_SUFFIXES, ControllerDesign
 from treadline.core.processes import killed_with_starter
 from treadline.io.mcap_read import has_arrivals, run_metadata
 from treadline.io.runs import LOG, RUN_CONTROLLER, read_walk
 from treadline.playback import manifest_of, read_recording, run_folder_of
 from treadline.scenario.scenario import Scenario, read_scenario
-from treadline.scenario.shipped_files import DATA
 from treadline.view._feed import Feed
 from treadline.view._messages import ImageOrder, Order
 from treadline.view._process import Worker

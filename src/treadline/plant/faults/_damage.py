@@ -232,7 +232,7 @@ def _looked_at(staircase: Staircase, R_WC: Rotation, p_WC: Vector3) -> Vector3:
 
 def _ground_m(staircase: Staircase, p_W: Vector3) -> float:
     """Return the height of the ground at a place [m]; with turning flights, on the nearest flight below."""
-    if not staircase.turn_rad:
+    if len(staircase.courses) == 1:
         return max((step.z_m for step in staircase.steps if step.x_m <= p_W[0] and not step.missing), default=0.0)
     top_W = p_W + np.array([0.0, 0.0, max(step.rise_m for step in staircase.steps)])
     return max(float(ground_m(stair_surfaces(staircase), top_W[None])[0]), 0.0)

@@ -26,7 +26,7 @@ from treadline.plant.mujoco.contact import _coulomb_kernels as coulomb
 from treadline.plant.mujoco.contact._parameters import DMAX, DMIN, NOMINAL, WIDTH_M, Physics
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.scenario import Chair
-from treadline.vehicle.bodies import HULL_FRICTION, Body, vehicle
+from treadline.vehicle.bodies import HULL_FRICTION, Body, inertia_of, vehicle
 from treadline.vehicle.stair_solids import Box, Solid, stair_solids
 from treadline.vehicle.staircase import Staircase
 from treadline.vehicle.start_pose import Standing
@@ -95,13 +95,25 @@ def _template() -> Template:
         "lag_s": FLIPPER_LAG_S,
     }
     return engine.get_template(
-        "scene.mjcf.j2", globals={"row": _row, "quaternion_of": quaternion_of, "solimp": _solimp, **constants}
+        "scene.mjcf.j2",
+        globals={"row": _row, "principal": _principal, "quaternion_of": quaternion_of, "solimp": _solimp, **constants},
     )
 
 
 def _row(*values: float | tuple[float, ...] | Float[np.ndarray, " n"]) -> str:
     """Return numbers separated by blanks, with all digits."""
     return " ".join(repr(float(value)) for value in np.hstack(values))
+
+
+def _principal(body: Body) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 4"]]:
+    """Return the principal moments of a body, and their axes as a quaternion.
+
+    MuJoCo refuses a moment that rounding makes larger than the two others together, as it does of a thin rod.
+    """
+    moments, axes = np.linalg.eigh(inertia_of(body))
+    moments[2] = min(moments[2], moments[0] + moments[1])
+    axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
+    return moments, quaternion_of(axes)
 
 
 def _solimp(stiffness: float = 1.0) -> str:

@@ -7,14 +7,14 @@ Things that stand on the ground hide nothing here: what rises bears.
 import math
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.rotations import Rotation, Vector3
 from treadline.core.signals import FreeGround, View
 from treadline.core.step_sizes import SINGLE_RISE_M
 from treadline.scenario.chair import ChairDescription
-from treadline.vehicle.stair_solids import ground_m, stair_surfaces
+from treadline.vehicle.stair_solids import ground_m, landing_walls, stair_surfaces
 from treadline.vehicle.staircase import Staircase
 from treadline.vehicle.visibility import margins_px
 
@@ -26,15 +26,6 @@ SIGMA_M = 0.010
 LINES = 5
 """Number of lines of points over the swept width, 0.2 m apart: between two of them a right-angled corner is at most 0.1 m
 nearer."""
-
-
-def _end_wall(staircase: Staircase) -> tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 2"]] | None:
-    """Return a point on the wall at the far end of the uppermost landing and the direction into it, in plan; None without one."""
-    if not staircase.end_wall:
-        return None
-    last, (R_WF, p_WF) = staircase.steps[-1], staircase.flight_frame(staircase.flight_count - 1)
-    end_F = np.array([last.x_m + max(staircase.landing_m, last.depth_m), 0.0, 0.0])
-    return (p_WF + R_WF @ end_F)[:2], R_WF[:2, 0]
 
 
 class GroundAhead:
@@ -53,7 +44,7 @@ class GroundAhead:
         sigma_m: float = SIGMA_M,
     ) -> None:
         self._surfaces = stair_surfaces(staircase)
-        self._wall = _end_wall(staircase)
+        self._walls = landing_walls(staircase)
         self._camera, self._rng, self._sigma_m = calibration, rng, sigma_m
         self._view: View = "front" if calibration.R_BC[0, 2] > 0.0 else "rear"
         self._way = 1.0 if self._view == "front" else -1.0
@@ -85,9 +76,10 @@ class GroundAhead:
         # A ramp descends by less from point to point.
         bears = tops_m >= np.vstack([np.full(LINES, level_m), tops_m[:-1]]) - SINGLE_RISE_M[0]
         bears &= np.isfinite(tops_m)
-        if self._wall is not None:  # a wall rises
-            p_W, ahead_W = self._wall
-            bears |= ((places - p_W) @ ahead_W > 0.0).reshape(-1, LINES)
+        for wall in self._walls:  # what stands on this level rises, and hides what is behind it
+            if abs(wall.centre_W[2] - wall.half_m[2] - level_m) < SINGLE_RISE_M[0]:
+                in_K = np.abs((places - wall.centre_W[:2]) @ wall.R_WK[:2, :2]) <= wall.half_m[:2]
+                bears |= np.logical_or.accumulate(in_K.all(axis=1).reshape(-1, LINES))
         return self._measured(t_s, seen, np.logical_and.accumulate(bears))
 
     def _measured(self, t_s: float, seen: Bool[np.ndarray, " n"], bears: Bool[np.ndarray, "n k"]) -> FreeGround:

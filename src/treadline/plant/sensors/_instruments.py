@@ -173,7 +173,7 @@ class Instruments:
         self._imu = Imu(IMUS[scenario.sensors.imu], scenario.sensors.gravity_error_deg * DEG, streams.imu)
         self._streams = streams
         self._look = look
-        frames = [staircase.stair_frame(k) for k in range(staircase.flight_count)]
+        frames = [staircase.stair_frame(k) for k in range(len(staircase.plans))]
         self._frames = [(np.ascontiguousarray(R_WS.T), p_WS, along_m) for R_WS, p_WS, along_m in frames]
         device = chair.mount_of(rear=scenario.drive.direction == "down").device
         self._frames_per_tick = TICK_S * device.rate_hz
@@ -329,7 +329,7 @@ def section_numbers(chair: ChairDescription) -> Float[np.ndarray, "n k"]:
     """Return the sections of a chair's belts as rows for ``kernels.truth``."""
     rows = []
     for one in sections(chair):
-        turns = (one.zero_rad, one.raises, one.stays_rad, float(one.follows), one.mass_kg)
+        turns = (one.zero_rad, one.raises, one.stays_rad, float(one.follows), one.mass_kg, one.com_m / one.length_m)
         rows.append((*one.start_m, one.length_m, *one.radii_m, 0.5 * one.gauge_m, *turns))
     return np.array(rows)
 

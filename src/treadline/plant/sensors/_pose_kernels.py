@@ -11,8 +11,8 @@ from treadline.core.kernel_cache import njit
 # payload, mass and centre of the chassis.
 HALF_RUN, HINGE, SEAT_KG, CHASSIS_KG, CHASSIS, CHAIR = 0, 1, 4, 5, 6, 9
 # Columns of a section of the belts: axis of its start, length, radii at start and end, half gauge, direction at a zero joint, sign
-# of a turn, angle at which it stays, whether it turns with the flipper, mass.
-START, LENGTH, RADII, HALF_GAUGE, ZERO, RAISES, STAYS, FOLLOWS, KG, SECTION = 0, 2, 3, 5, 6, 7, 8, 9, 10, 11
+# of a turn, angle at which it stays, whether it turns with the flipper, mass, place of its centre of mass as a share of its length.
+START, LENGTH, RADII, HALF_GAUGE, ZERO, RAISES, STAYS, FOLLOWS, KG, SHARE, SECTION = 0, 2, 3, 5, 6, 7, 8, 9, 10, 11, 12
 
 
 @njit(cache=True)
@@ -73,8 +73,8 @@ def truth(
             if tail > -math.inf and gap <= rocking * (-ahead - tail):
                 rear = max(rear, -ahead)
         kg += row[KG]
-        com_x += 0.5 * row[KG] * (row[START] + end_x)
-        com_z += 0.5 * row[KG] * (row[START + 1] + end_z)
+        com_x += row[KG] * ((1.0 - row[SHARE]) * row[START] + row[SHARE] * end_x)
+        com_z += row[KG] * ((1.0 - row[SHARE]) * row[START + 1] + row[SHARE] * end_z)
     com_x, com_y, com_z = com_x / kg, com_y / kg, com_z / kg
     payload, seat_kg = np.empty(3), chair[SEAT_KG]
     _on_seat(chair, loaded, c, s, payload)

@@ -23,7 +23,7 @@ from treadline.core.signals import FreeGround, HeadingMeasurement, StairMap
 from treadline.core.step_sizes import RUN_M
 from treadline.plant.sensors._free_ground import GroundAhead
 from treadline.vehicle.staircase import Staircase
-from treadline.vehicle.visibility import Visibility, VisibleSide, geometry_of, least_nosings
+from treadline.vehicle.visibility import Geometry, Visibility, VisibleSide, least_nosings
 
 EXACT_SIGMA_RAD, EXACT_PLACE_M = 0.05 * DEG, 0.001
 """Noise of ``exact``: heading [rad] and nosing position [m]; non-zero, so that a filter has a finite weight."""
@@ -60,7 +60,7 @@ class StatisticalCamera:
         exact: bool = False,
         ground: GroundAhead | None = None,
     ) -> None:
-        self._geometry = geometry_of(staircase, calibration)
+        self._geometry = Geometry(staircase, calibration)
         self._least = least_nosings(staircase)
         self._rng = rng
         kind = "open" if staircase.open_risers else "closed"

@@ -18,7 +18,7 @@ MAST_M = 0.011
 
 def chassis_parts(chair: ChairDescription) -> tuple[MeshPart, ...]:
     """Return the chassis and the cameras on their masts."""
-    (cx, _, cz), (length, width, height) = chair.masses.chassis_com_m, chair.masses.chassis_size_m
+    (cx, _, cz), (length, width, height) = chair.masses.hull_centre_m, chair.masses.chassis_size_m
     x0, x1, z0, z1 = cx - 0.5 * length, cx + 0.5 * length, cz - 0.5 * height, cz + 0.5 * height
     half = 0.5 * width
     # The sides drop towards the front, where the passenger's feet are.

@@ -10,8 +10,8 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float, Float32, Int, Int32
 
+from treadline.core.files import DATA
 from treadline.core.rotations import Rotation, Vector3
-from treadline.scenario.shipped_files import DATA
 
 Outline = Float[np.ndarray, "n 2"]
 """Closed polygon (x, z), anticlockwise with x to the right and z up."""

@@ -1,0 +1,112 @@
+"""Compiled search of ``landing_turn``: drives and turns on a landing, breadth first over cells of place and heading.
+
+Each cell keeps the exact pose in which it was reached first (as hybrid A*, Dolgov et al., 2008), so that drives are straight. The
+search knows turns to the left; places are in the frame of the flight below, from its landing's nosing.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from treadline.core.kernel_cache import njit
+
+CELL_M, HEADING_RAD = 0.02, math.radians(3.0)
+"""Size of a cell: between two headings the corner of a chair of 1.5 m moves 0.3 mm further out than at either."""
+DRIVE_M = 1.5 * CELL_M
+"""Length of one drive [m]: it leaves its cell in every direction."""
+BEYOND = 10
+"""Number of headings before the first and beyond the last [-]: a chair shifts aside by turning back and forth by 30°."""
+DEPTH, RIGHT, LEFT, HALF_FLIGHT, TURN, FOOT_X, FOOT_Y = range(7)
+"""Places of a landing's numbers: depth, right and left side, half width of the flights, turn, middle of the next flight's foot."""
+REAR, FRONT, HALF, HALF_RUN, HALF_BELTS = range(5)
+"""Places of an outline's numbers: from mid-track to the rear, the front and a side, and to the ends and sides of the belts."""
+
+
+@njit(cache=True)
+def is_free(landing: Any, outline: Any, x: float, y: float, heading: float) -> bool:
+    """Return whether the belts stand on the landing, and nothing of the chair reaches beyond it but over the flight below."""
+    c, s = math.cos(heading), math.sin(heading)
+    up_x, up_y = math.cos(landing[TURN]), math.sin(landing[TURN])
+    foot_m = up_x * landing[FOOT_X] + up_y * landing[FOOT_Y]
+    for along in (-outline[REAR], outline[FRONT]):
+        for aside in (-outline[HALF], outline[HALF]):
+            corner_x, corner_y = x + c * along - s * aside, y + s * along + c * aside
+            if corner_x > landing[DEPTH] or corner_y < landing[RIGHT] or corner_y > landing[LEFT]:
+                return False
+            beside = corner_y > landing[HALF_FLIGHT]
+            if corner_x < 0.0 and (beside or corner_y < -landing[HALF_FLIGHT]):
+                return False
+            if (beside or up_x > -1e-9) and up_x * corner_x + up_y * corner_y > foot_m + 1e-9:
+                return False
+    for along in (-outline[HALF_RUN], outline[HALF_RUN]):
+        for aside in (-outline[HALF_BELTS], outline[HALF_BELTS]):
+            if x + c * along - s * aside < 0.0:
+                return False
+    # The inner corner, where the flight below ends aside, between two corners of the chair.
+    along, aside = -c * x + s * (landing[HALF_FLIGHT] - y), s * x + c * (landing[HALF_FLIGHT] - y)
+    return not (-outline[REAR] < along < outline[FRONT] and abs(aside) < outline[HALF])
+
+
+@njit(cache=True)
+def search(landing: Any, outline: Any, start: Any, lane_m: float) -> Any:
+    """Return the poses of the shortest way from a start to the next flight's lane and direction, one row each; empty if none.
+
+    Args:
+        landing: Numbers of the landing, at the places above.
+        outline: Numbers of the chair's outline.
+        start: Place in the landing's frame and heading [m, m, rad].
+        lane_m: Largest distance of mid-track from the next flight's middle line [m].
+    """
+    turn = landing[TURN]
+    last = BEYOND + int(round(turn / HEADING_RAD))
+    step = turn / (last - BEYOND)
+    columns, rows = int(landing[DEPTH] / CELL_M) + 2, int((landing[LEFT] - landing[RIGHT]) / CELL_M) + 2
+    came = np.full((last + BEYOND + 1) * columns * rows, -2, dtype=np.int32)
+    poses = np.empty((len(came), 3))
+    queue = np.empty(len(came), dtype=np.int32)
+    head, tail = 0, 0
+    x, y, number = start[0], start[1], BEYOND + int(round(start[2] / step))
+    before = -1
+    while True:
+        for move in range(4):
+            if before < 0:
+                if move:
+                    break
+            else:
+                x, y, number = poses[before, 0], poses[before, 1], before // (columns * rows)
+                if move < 2:
+                    number += 2 * move - 1
+                else:
+                    drive = DRIVE_M * (2 * move - 5)
+                    x += drive * math.cos(poses[before, 2])
+                    y += drive * math.sin(poses[before, 2])
+            if number < 0 or number > last + BEYOND or not is_free(landing, outline, x, y, (number - BEYOND) * step):
+                continue
+            cell = (number * columns + int(x / CELL_M)) * rows + int((y - landing[RIGHT]) / CELL_M)
+            if came[cell] != -2:
+                continue
+            came[cell], queue[tail] = before, cell
+            poses[cell, 0], poses[cell, 1], poses[cell, 2] = x, y, (number - BEYOND) * step
+            tail += 1
+            aside = (y - landing[FOOT_Y]) * math.cos(turn) - (x - landing[FOOT_X]) * math.sin(turn)
+            if number == last and abs(aside) <= lane_m:
+                return _way(cell, came, poses)
+        if head == tail:
+            return np.empty((0, 3))
+        before = queue[head]
+        head += 1
+
+
+@njit(cache=True)
+def _way(cell: int, came: Any, poses: Any) -> Any:
+    """Return the poses up to a cell."""
+    count = 0
+    at = cell
+    while at != -1:
+        count, at = count + 1, came[at]
+    way = np.empty((count, 3))
+    for place in range(count):
+        way[count - 1 - place] = poses[cell]
+        cell = came[cell]
+    return way
