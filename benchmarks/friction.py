@@ -9,11 +9,12 @@ numerical settings. Then all gains run at both frictions on the seeds of the ben
 
 import argparse
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from treadline.bench.policies import Proportional, Spaces
+from treadline.bench.policies import proportional
 from treadline.bench.scoring import BenchRun, run_bench
 from treadline.core.files import write_json
 
@@ -25,17 +26,8 @@ TUNING_SEED = 1_000_000
 """First seed of the tuning; episodes of the bench have the seeds from 0 on."""
 
 
-class Gain0(Proportional):
-    """Policy of the first gain; those of the others are made below."""
-
-    number = 0
-
-    def __init__(self, spaces: Spaces) -> None:
-        super().__init__(spaces, GAINS[self.number])
-
-
-for place in range(1, len(GAINS)):
-    globals()[f"Gain{place}"] = type(f"Gain{place}", (Gain0,), {"number": place})
+for number, gain in enumerate(GAINS):
+    globals()[f"Gain{number}"] = partial(proportional, gain=gain)
 
 
 def run_of(number: int, friction: float | None) -> BenchRun:
@@ -60,9 +52,10 @@ def main() -> None:
     found = {}
     for number, gain in enumerate(GAINS):
         for name, friction in FRICTIONS.items():
-            runs = {"Straighten": run_of(number, friction)}
             folder = given.out / f"gain-{gain:g}-at-{name.replace('/', '-')}"
-            found[gain, name] = run_bench(runs, given.episodes, given.workers, folder, lambda _: None)["tasks"]["Straighten"]
+            run = run_of(number, friction)
+            scores = run_bench(run, ["Straighten"], given.episodes, given.workers, folder, lambda _: None)
+            found[gain, name] = scores["tasks"]["Straighten"]
     print("| gain [1/rad] | " + " | ".join(f"score at {name}" for name in FRICTIONS) + " | tuned at |")
     print("| --- " * (len(FRICTIONS) + 2) + "|")
     for number, gain in enumerate(GAINS):

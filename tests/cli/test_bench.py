@@ -28,10 +28,6 @@ class Nothing(Ahead):
     def __call__(self, observation):
         return None
 
-class Wild(Ahead):
-    def __call__(self, observation):
-        return np.array([np.nan] * self.count)
-
 class Short(Ahead):
     def __call__(self, observation):
         return np.zeros(1)
@@ -45,6 +41,7 @@ class Slow(Ahead):
 
 @pytest.fixture
 def policies(tmp_path: Path) -> Path:
+    (tmp_path / "needy.py").write_text("import no_such_library\n")
     path = tmp_path / "mine.py"
     path.write_text(POLICIES)
     return path
@@ -70,19 +67,17 @@ def test_a_policy_has_the_same_scores_again(run: Callable, tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("policy", "words"),
     [
-        ("Raises", ("raised ValueError at step 0: no idea",)),
-        ("Nothing", ("returned nothing at step 0",)),
-        ("Wild", ("action 0 (left_m_s) is nan",)),
-        ("Short", ("shape (1,); wanted (4,)",)),
-        ("Slow", ("s a step; at most 0.1 s",)),
+        ("Raises", "raised ValueError at step 0: no idea"),
+        ("Nothing", "returned nothing at step 0"),
+        ("Short", "shape (1,); wanted (4,)"),
+        ("Slow", "s a step; at most 0.1 s"),
     ],
 )
-def test_a_bad_policy_is_one_line(policy: str, words: tuple[str, ...], run: Callable, policies: Path, tmp_path: Path) -> None:
+def test_a_bad_policy_is_one_line(policy: str, words: str, run: Callable, policies: Path, tmp_path: Path) -> None:
     refused = run("bench", f"{policies}:{policy}", *SHORT, "--out", tmp_path / "out")
     lines = [line for line in refused.err.splitlines() if not line.startswith("[")]  # without progress
     assert (refused.code, refused.out, len(lines)) == (2, "", 1), refused
-    for word in words:
-        assert word in lines[0]
+    assert words in lines[0]
 
 
 @pytest.mark.parametrize(
@@ -91,10 +86,9 @@ def test_a_bad_policy_is_one_line(policy: str, words: tuple[str, ...], run: Call
         (("strait",), ("neither module:Class", "did you mean 'straight'")),
         (("mine.py",), ("mine.py", "give --policy")),
         (("nowhere:Policy",), ("no module 'nowhere'",)),
-        (("straight", "--tasks", "StairsUp"), ("no task 'StairsUp'", "did you mean 'StairUp'")),
+        (("needy.py:Policy",), ("needy.py", "no_such_library")),
+        (("straight", "--tasks", "StairsUp"), ("task is 'StairsUp'", "did you mean 'StairUp'")),
         (("straight", "--episodes", "0"), ("--episodes is 0; at least 1",)),
-        (("straight", "--vehicle", "hoverboard"), ("hoverboard",)),
-        (("straight", "--see", "tracker", "--friction", "0"), ("friction is 0",)),
     ],
 )
 def test_what_cannot_be_run_is_refused_before_any_run(
@@ -102,11 +96,6 @@ def test_what_cannot_be_run_is_refused_before_any_run(
 ) -> None:
     monkeypatch.chdir(policies.parent)
     assert_refused(run("bench", *arguments), *words)
-
-
-def test_a_policy_that_needs_a_missing_library_names_it(run: Callable, tmp_path: Path) -> None:
-    (tmp_path / "needy.py").write_text("import no_such_library\n")
-    assert_refused(run("bench", f"{tmp_path}/needy.py:Policy"), "needy.py", "no_such_library")
 
 
 def test_without_gymnasium_the_extra_is_named(run: Callable, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -126,6 +115,7 @@ def test_an_onnx_file_is_a_policy(run: Callable, tmp_path: Path) -> None:
         helper.make_graph([node], "still", ends[:1], ends[1:], [weights]), opset_imports=[helper.make_opsetid("", 17)]
     )
     onnx.save(model, tmp_path / "still.onnx")
-    changes = ("--tasks", "Straighten", "--episodes", 1, "--workers", 1, "--physics", "fast", "--out", tmp_path / "out", "--json")
-    assert run("bench", tmp_path / "still.onnx", *changes).values["tasks"]["Straighten"]["verdicts"] == {"time_up": 1}
-    assert_refused(run("bench", tmp_path / "still.onnx", "--vehicle", "wheelchair-fixed", *changes), "shape (4,)")
+    refused = run("bench", tmp_path / "still.onnx", *SHORT, "--vehicle", "wheelchair-fixed", "--out", tmp_path / "fixed")
+    assert_refused(refused, "shape (4,)")
+    done = run("bench", tmp_path / "still.onnx", *SHORT, "--out", tmp_path / "out", "--json")
+    assert done.values["tasks"]["Kerb"]["verdicts"] == {"time_up": 1}

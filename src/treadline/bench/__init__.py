@@ -5,11 +5,11 @@
 
 from gymnasium import register
 
-from treadline.bench.environment import StairEnv, ThreadVectorEnv, make_vec
+from treadline.bench.environment import StairEnv, make_vec
 from treadline.bench.policies import Spaces
 from treadline.bench.tasks import TASKS
 
-__all__ = ["TASKS", "Spaces", "StairEnv", "ThreadVectorEnv", "make_vec"]
+__all__ = ["TASKS", "Spaces", "StairEnv", "make_vec"]
 
 for task in TASKS:
     register(id=f"treadline/{task}-v0", entry_point="treadline.bench.environment:StairEnv", kwargs={"task": task})

@@ -20,8 +20,6 @@ from treadline.estimation import HeadingFilter
 from treadline.estimation.known_nosings import KnownNosings
 from treadline.estimation.stair_tracker import StairTracker
 from treadline.plant.mujoco import ChairState
-from treadline.vehicle.ground_profile import ground_profile
-from treadline.vehicle.staircase import Staircase
 
 AHEAD_M = np.linspace(-0.3, 1.4, 12)
 """Distances from mid-track in the direction of travel at which the ground's height is observed [m]: from the middle of the belts
@@ -51,11 +49,11 @@ class Oracle:
     """Observer of the ground truth.
 
     Args:
+        ground: Place and height of the vertices of the ground [m], see ``ground_profile``.
         sign: 1 up, -1 down.
     """
 
-    def __init__(self, staircase: Staircase, sign: float) -> None:
-        ground = ground_profile(staircase)
+    def __init__(self, ground: Float[np.ndarray, "n 3"], sign: float) -> None:
         self._x_m, self._z_m, self._sign = ground[:, 0].copy(), ground[:, 1].copy(), sign
 
     def update(self, reading: Reading) -> None:

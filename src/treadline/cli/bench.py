@@ -1,7 +1,7 @@
 """``treadline bench``: scores of a policy on the tasks of StairBench."""
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from treadline.cli._arguments import Force, claim, words
 from treadline.cli._output import Answer, Progress
@@ -46,6 +46,7 @@ def bench(
     from treadline.core.processes import default_workers
 
     try:
+        from treadline.bench.policies import SHIPPED
         from treadline.bench.scoring import BenchRun, run_bench, table
         from treadline.bench.tasks import TASKS as KNOWN
     except ModuleNotFoundError as error:
@@ -57,8 +58,8 @@ def bench(
         raise SettingsError(f"--episodes is {count}; at least 1")
     claim(out, force=force)
     named = words("--tasks", tasks) if tasks else tuple(KNOWN) if full else TASKS
-    settings: dict[str, Any] = {"see": see, "vehicle": vehicle, "physics": physics, "friction": friction}
-    runs = {task: BenchRun(policy=policy, task=task, **settings) for task in named}
-    with Progress("bench", count * len(runs)) as progress:
-        values = run_bench(runs, count, min(workers or default_workers(), count), out, progress.done)
+    seen: Literal["oracle", "tracker"] = "tracker" if policy == SHIPPED else see
+    run = BenchRun(policy=policy, see=seen, vehicle=vehicle, physics=physics, friction=friction)
+    with Progress("bench", count * len(named)) as progress:
+        values = run_bench(run, named, count, workers or default_workers(), out, progress.done)
     return Answer(values=values, summary=[*table(values), f"report: {values['report']}"])

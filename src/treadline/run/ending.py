@@ -38,6 +38,8 @@ class Ending:
         self.end_x_m = float(staircase.R_WS[:, 0] @ end_m) - 0.5 * chair.tracks.flat_run_m
         """Place at which a run of a flight alone ends [m]: it is the first, with the front pulley at its last nosing."""
         self._is_up = scenario.drive.direction == "up"
+        self.is_on_flight = scenario.start.place == "flight" and self._is_up
+        """Whether a flight alone is driven, to its last nosing."""
         self.restart()
         self._rearms_until_s = math.inf if attended else rearms_until_s(scenario.operator)
 
@@ -53,9 +55,9 @@ class Ending:
         roll_back_m = self._slide.update(truth)
         return ("fell", f"slid {roll_back_m:.2f} m down the flight by {truth.t_s:.2f} s") if roll_back_m > FALLEN_SLIDE_M else None
 
-    def way_m(self, x_m: float, *, on_flight: bool) -> float:
-        """Return the distance along the stair from a place to the end of a traversal, or of a run that ends on the flight [m]."""
-        return abs((self.end_x_m if on_flight else self.last_x_m if self._is_up else 0.0) - x_m)
+    def way_m(self, x_m: float) -> float:
+        """Return the distance along the stair from a place to the end of a traversal, or of a flight alone [m]."""
+        return abs((self.end_x_m if self.is_on_flight else self.last_x_m if self._is_up else 0.0) - x_m)
 
     def is_beyond(self, truth: Truth) -> bool:
         """Return whether the chair stands level, with mid-track beyond the last nosing of its way."""
