@@ -170,6 +170,23 @@ def test_a_flipper_whose_limits_and_axis_point_the_other_way_is_raised_by_a_posi
     np.testing.assert_allclose(np.radians(joint.range_deg), (-1.0, 0.5), atol=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("given", "changed", "remark"),
+    [
+        ('izz="0.1"/>', 'izz="0.1" ixy="0.01"/>', "its products xy, xz, yz of [0.01, 0.0, 0.0]"),
+        ("<inertial>", '<inertial><origin xyz="0 0.05 0"/>', "0.0500 m left of the middle"),
+        ('radius="0.1" length="0.05"', 'radius="0.1" length="0.08"', "its width is 0.08 m"),
+    ],
+)
+def test_what_a_flipper_cannot_have_is_named_in_its_file(run: Run, tmp_path: Path, given: str, changed: str, remark: str) -> None:
+    plain, other = (flipper("flipper"), flipper("flipper").replace(given, changed))
+    for name, text in (("plain", plain), ("other", other)):
+        (tmp_path / f"{name}.urdf").write_text(f'<robot name="r">{HULL}{WHEELS}{text}</robot>')
+        assert run("import", tmp_path / f"{name}.urdf", "--yes", "--out", tmp_path / f"{name}.toml").code == 0
+    assert "# not written" not in (tmp_path / "plain.toml").read_text(encoding="utf-8")
+    assert f"# not written: in the file {remark}" in (tmp_path / "other.toml").read_text(encoding="utf-8")
+
+
 BAD = {
     "xacro": ('<robot name="r" xmlns:xacro="http://ros.org/wiki/xacro"/>', "run xacro first"),
     "no belts": (HULL, "has no belts: nothing round about y lies left or right of its middle; give --belts 'REGEX'"),

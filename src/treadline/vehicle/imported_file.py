@@ -14,6 +14,7 @@ from jaxtyping import Float
 
 from treadline.core.errors import SettingsError
 from treadline.core.rotations import Vector3
+from treadline.scenario.chair import ROUNDING
 from treadline.vehicle.described_belts import SAME_M, DescribedBelts, Flippers
 from treadline.vehicle.description_links import CollisionSolid, DescribedLink, summed
 from treadline.vehicle.tracks import IN_LINE_M
@@ -181,7 +182,7 @@ def _sections(
             "move its joint there, or name the belts with --belts 'REGEX'"
         )
     if ahead:
-        yield from _front_flipper(ahead[0], half_m, radius_m, answer)
+        yield from _front_flipper(ahead[0], (half_m, radius_m), _across(belts), answer)
     else:
         yield from _fixed_front(belts, front, (half_m, radius_m), origin_m)
     for number, pair in enumerate(pair for pair in belts.flippers if pair.raises > 0.0):
@@ -193,7 +194,7 @@ def _sections(
         yield "width_m", width_m, ""
         angle_deg, comment = answer("angle of the rear flippers on a drive [deg]", 0.0, "in line with the belts")
         yield "angle_deg", angle_deg, comment
-        yield from _joint(pair, 0.0, answer)
+        yield from _joint(pair, 0.0, float(origin_m[1]), answer)
 
 
 def _section(name: str, start: Any, end: Any, radii: Any, remark: str) -> Iterator[Line]:
@@ -204,13 +205,19 @@ def _section(name: str, start: Any, end: Any, radii: Any, remark: str) -> Iterat
     yield "radii_m", radii, ""
 
 
-def _front_flipper(pair: Flippers, half_m: float, radius_m: float, answer: Answer) -> Iterator[Line]:
-    """Yield the front flippers, whose angle counts from the line of the belts."""
+def _front_flipper(
+    pair: Flippers, axis_m: tuple[float, float], lanes: tuple[float, float, float], answer: Answer
+) -> Iterator[Line]:
+    """Yield the front flippers, whose angle counts from the line of the belts, in their lanes and about their front pulley."""
+    half_m, radius_m = axis_m
     x, _, z = pair.tip.centre_m - pair.axis_m
     radii = [radius_m, float(pair.tip.half_m[0])]
-    yield from _section("front", [half_m, radius_m], [half_m + math.hypot(x, z), radius_m], radii, "")
+    own = [*_lanes(pair.pulleys)[1:], float(_first_pulley(pair, pair.pulleys).half_m[0])]
+    words = zip(("gauge", "width", "first radius"), own, (*lanes[1:], radius_m), strict=True)
+    remark = _dropped([f"its {word} is {own_m:.4g} m" for word, own_m, belts_m in words if abs(own_m - belts_m) > SAME_M])
+    yield from _section("front", [half_m, radius_m], [half_m + math.hypot(x, z), radius_m], radii, remark)
     zero_rad = math.atan2(z, x)
-    joint = list(_joint(pair, zero_rad, answer))
+    joint = list(_joint(pair, zero_rad, lanes[0], answer))
     high_deg = next(value[1] for key, value, _ in joint if key == "range_deg")
     yield "angle_deg", min(30.0, high_deg), f"{MARK}its rest angle"
     yield from joint
@@ -229,8 +236,8 @@ def _fixed_front(belts: DescribedBelts, front: CollisionSolid, axis_m: tuple[flo
     yield from _section("front", [half_m, radius_m], end[::2], [radius_m, float(nose.half_m[0])], "")
 
 
-def _joint(pair: Flippers, zero_rad: float, answer: Answer) -> Iterator[Line]:
-    """Yield the joint of a pair, whose angle is raised by ``zero_rad`` where that of the file is zero."""
+def _joint(pair: Flippers, zero_rad: float, middle_m: float, answer: Answer) -> Iterator[Line]:
+    """Yield the joint of a pair, whose angle is raised by ``zero_rad`` where the file's is zero, with the belts' middle at y."""
     mass_kg, com_m, inertia = summed(pair.whole)
     (x, _, z), (out_x, _, out_z) = pair.tip.centre_m - pair.axis_m, com_m - pair.axis_m
     length_m = math.hypot(x, z)
@@ -251,8 +258,21 @@ def _joint(pair: Flippers, zero_rad: float, answer: Answer) -> Iterator[Line]:
     yield "max_rate_deg_s", math.degrees(min(rates)) if rates else 30.0, "" if rates else f"{MARK}that of the shipped chairs"
     yield "lost_damping_n_m_s_rad", 50.0, f"{MARK}a dead motor, as in the shipped chairs"
     yield "mass_kg", mass_kg, ""
-    yield "com_m", c * out_x + s * out_z, "" if abs(beside_m) < LEFT_OUT else f"in the file {beside_m:.4f} m above that line"
-    yield "inertia_kg_m2", np.diag(axes @ inertia @ axes.T), ""
+    places = [(beside_m, "above that line"), (com_m[1] - middle_m, "left of the middle")]
+    yield (
+        "com_m",
+        c * out_x + s * out_z,
+        _dropped([f"{place_m:.4f} m {word}" for place_m, word in places if abs(place_m) > LEFT_OUT]),
+    )
+    along = axes @ inertia @ axes.T
+    products = along[(0, 0, 1), (1, 2, 2)]
+    are_some = np.abs(products).max() > ROUNDING * np.trace(along)
+    yield "inertia_kg_m2", np.diag(along), _dropped([f"its products xy, xz, yz of {_toml(products)}"] if are_some else [])
+
+
+def _dropped(parts: Sequence[str]) -> str:
+    """Return the comment that names what the description has and the vehicle's file cannot."""
+    return f"not written: in the file {', '.join(parts)}" if parts else ""
 
 
 def _range(pair: Flippers, zero_rad: float) -> tuple[float, float, str]:
