@@ -11,7 +11,7 @@ def test_what_is_listed_is_a_scenario_of_defaults_and_a_fault_as_listed_is_one(r
     path = tmp_path / "mine.toml"
     path.write_text(outcome.out)
     assert read_scenario(path) == Scenario()
-    assert set(tomllib.loads(outcome.out)) == set(Scenario.model_fields) - {"fault", "step", "sill", "operator"}
+    assert set(tomllib.loads(outcome.out)) == set(Scenario.model_fields) - {"fault", "step", "sill", "operator", "flight"}
     lines = outcome.out.splitlines()
     assert all(name in lines[0] for name in shipped_scenarios())
     after = lines[next(k for k, line in enumerate(lines) if line.startswith("# [[fault]]")) + 1 :]

@@ -24,7 +24,7 @@ def test_a_chair_whose_flipper_reaches_88_degrees_down_drives_35_degrees_square(
     chair = (
         (CHAIRS / "wheelchair.toml")
         .read_text()
-        .replace("[-75.0, 90.0]", "[-88.0, 90.0]")
+        .replace("[-75.0, 60.0]", "[-88.0, 60.0]")
         .replace("slope_deg = 32.0", "slope_deg = 40.0")
     )
     (tmp_path / "chair.toml").write_text(chair)

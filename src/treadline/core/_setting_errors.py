@@ -176,6 +176,8 @@ def _wanted(schema: JsonSchema, key: str) -> str:
     items = schema.get("prefixItems", [schema.get("items")])
     if "$ref" in items[0]:
         return f"a list of tables, [[{key}]]"
+    if "enum" in items[0]:
+        return f"a list of {_wanted(items[0], key)}"
     count = COUNTS[len(items)] if "prefixItems" in schema else "a list of"
     return f"{count} {MANY_OF[items[0]['type']]}{_range(items[0])}"
 
