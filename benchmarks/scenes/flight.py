@@ -115,7 +115,8 @@ def _staircase(recipe: ViewRecipe, rng: np.random.Generator) -> Staircase:
     steps = tuple(
         replace(step, x_m=float(front), depth_m=float(deep)) for step, front, deep in zip(staircase.steps, x, depth, strict=True)
     )
-    return replace(staircase, steps=steps, width_m=width_m)
+    plans = tuple(replace(plan, right_m=-0.5 * width_m, left_m=0.5 * width_m) for plan in staircase.plans)
+    return replace(staircase, steps=steps, width_m=width_m, plans=plans)
 
 
 def draw_pose(

@@ -53,7 +53,7 @@ def sweep(
         adversarial: Search for the worst score within the ranges instead of sampling.
         score: Score that ranks the worst runs, and that the adversarial search minimises.
     """
-    from treadline.campaign.sweep import has_failures, lines
+    from treadline.campaign.sweep import lines
     from treadline.core.errors import SettingsError
     from treadline.run.run_scores import Scores
 
@@ -108,7 +108,7 @@ def sweep(
             f"  {worst['replay']}",
             f"results: {out}/runs.csv; report: {summary['report']}" + (f"; {rate:.0f} runs per CPU hour" if rate else ""),
         ],
-        code=int(has_failures(summary)),
+        code=int(not swept),
     )
 
 
