@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.errors import SettingsError, closest
+from treadline.core.errors import SettingsError, did_you_mean
 from treadline.mission.plugins import load_plugin
 
 Policy = Callable[[np.ndarray], np.ndarray]
@@ -98,10 +98,9 @@ def load_policy(source: str) -> PolicyMaker:
         return lambda _: policy
     if ":" not in source and not source.endswith(".py"):
         known = [*BASELINES, SHIPPED]
-        close = closest(source, known)
-        meant = "" if close is None else f"; did you mean '{close}'?"
         raise SettingsError(
-            f"policy '{source}': neither module:Class, file.py:Class, FILE.onnx, nor one of {', '.join(known)}{meant}"
+            f"policy '{source}': neither module:Class, file.py:Class, FILE.onnx, nor one of {', '.join(known)}"
+            f"{did_you_mean(source, known)}"
         )
     maker: PolicyMaker = load_plugin("policy", source)
     return maker

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from treadline.campaign.spec import Spec, read_spec
-from treadline.core.errors import SettingsError, closest
+from treadline.core.errors import SettingsError, did_you_mean
 from treadline.core.files import DATA
 from treadline.core.printing import plain
 from treadline.plant.mujoco import FAST, NOMINAL, MujocoPlant, Physics, open_plant
@@ -75,9 +75,7 @@ class TaskSetup:
     def __post_init__(self) -> None:
         for name, given, allowed in (("task", self.task, TASKS), ("see", self.see, SENSORS), ("physics", self.physics, PHYSICS)):
             if given not in allowed:
-                close = closest(given, allowed)
-                meant = "" if close is None else f"; did you mean '{close}'?"
-                raise SettingsError(f"{name} is '{given}'; allowed: {', '.join(allowed)}{meant}")
+                raise SettingsError(f"{name} is '{given}'; allowed: {', '.join(allowed)}{did_you_mean(given, allowed)}")
         if self.friction is not None and not 0.0 < self.friction < np.inf:
             raise SettingsError(f"friction is {self.friction:g}; it must be above 0 and finite")
         if self.see == "tracker":

@@ -33,7 +33,7 @@ def import_(
     from treadline.core.settings import settings_of
     from treadline.scenario.chair import ChairDescription
     from treadline.vehicle.described_belts import find_belts
-    from treadline.vehicle.imported_file import vehicle_file
+    from treadline.vehicle.imported_file import MARK, vehicle_file
     from treadline.vehicle.xml_links import description_root, xml_links
 
     claim(out, force=force, kind="file")
@@ -55,7 +55,7 @@ def import_(
     chair = settings_of(tomllib.loads(text), ChairDescription, where=str(description))
     write_whole(out, text)
     mass_kg = sum(link.mass_kg for link in links)
-    marked = text.count("# not in the file")
+    marked = text.count(f"# {MARK}")
     return Answer(
         values={"path": str(out), "vehicle": chair.name, "mass_kg": mass_kg, "questions": questions.count, "marked": marked},
         summary=[
@@ -72,7 +72,7 @@ class _Questions:
         self.count = 0
 
     def answer(self, question: str, default: float, reason: str) -> tuple[float, str]:
-        """Return the answer to a question, and the comment that marks it.
+        """Return the answer to a question, and where it comes from.
 
         Raises:
             SettingsError: If there is nobody to ask, or the answer is no number.
@@ -81,12 +81,12 @@ class _Questions:
             raise SettingsError(f"the description lacks the {question}; answer at a terminal, or give --yes for the defaults")
         self.count += 1
         if self._yes or self.count > MOST_QUESTIONS:
-            return default, f"not in the file: {reason}"
+            return default, reason
         say(f"{question}, {default:g} ({reason}) if left empty:")
         line = sys.stdin.readline().strip()
         if not line:
-            return default, f"not in the file: {reason}"
+            return default, reason
         try:
-            return float(line), "not in the file: answered at the import"
+            return float(line), "answered at the import"
         except ValueError:
             raise SettingsError(f"{question}: '{line}' is not a number; write for example {default:g}") from None

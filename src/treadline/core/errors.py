@@ -123,3 +123,9 @@ def closest(name: str, known: Iterable[str]) -> str | None:
     """Return the known name that is most similar to a misspelt one, or None; other digits name another thing, as of two cameras."""
     alike = [other for other in known if re.sub(r"\D", "", other) == re.sub(r"\D", "", name)]
     return next(iter(get_close_matches(name, alike, 1)), None)
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return the end of a message that asks for the known name most similar to a misspelt one; empty if none is."""
+    close = closest(name, known)
+    return "" if close is None else f"; did you mean '{close}'?"

@@ -13,7 +13,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from treadline.core.errors import SettingsError, closest
+from treadline.core.errors import SettingsError, did_you_mean
 from treadline.core.files import own_module
 from treadline.core.settings import text_of
 from treadline.mission.mission_config import FILE_PREFIX
@@ -66,7 +66,7 @@ def load_plugin(kind: str, source: str) -> Any:
     module = _module_of(module_name, where)
     if not hasattr(module, attribute):
         public = [name for name in vars(module) if not name.startswith("_")]
-        raise SettingsError(f"{where}: no '{attribute}' in '{module_name}'{_meant(attribute, public)}")
+        raise SettingsError(f"{where}: no '{attribute}' in '{module_name}'{did_you_mean(attribute, public)}")
     return checked_plugin(kind, getattr(module, attribute), where)
 
 
@@ -129,14 +129,9 @@ def _entry_point(kind: str, name: str, where: str) -> Any:
         listed = f"installed: {', '.join(sorted(found))}" if found else "none is installed"
         raise SettingsError(
             f"{where}: neither a file, nor module:Class, nor an entry point of the group treadline.{kind}s ({listed})"
-            f"{_meant(name, list(found))}"
+            f"{did_you_mean(name, list(found))}"
         )
     try:
         return found[name].load()
     except Exception as error:
         raise SettingsError(f"{where}: the entry point cannot be loaded: {type(error).__name__}: {error}") from error
-
-
-def _meant(name: str, known: list[str]) -> str:
-    close = closest(name, known)
-    return "" if close is None else f"; did you mean '{close}'?"

@@ -20,10 +20,11 @@ from treadline.vehicle.description_links import CollisionSolid, DescribedLink, s
 from treadline.vehicle.tracks import IN_LINE_M
 
 Answer = Callable[[str, float, str], tuple[float, str]]
-"""Function of a question, its default and the default's reason: the value, and the comment that marks it."""
+"""Function of a question, its default and the default's reason: the value, and where it comes from."""
 Line = tuple[str, Any, str]
 """Key, value and comment of a line; a value of None is a heading."""
 MARK = "not in the file: "
+"""Words before the source of a value that the description lacks."""
 LEFT_OUT = 1e-6
 """Distance [m] of a flipper's centre of mass from the line of its axes that is named: below it is rounding."""
 SQUARE_DEG = 90.0
@@ -43,7 +44,12 @@ def vehicle_file(file: str, name: str, links: Sequence[DescribedLink], belts: De
     Raises:
         SettingsError: If the belts do not stand on two axes, a section is not where the model has it, or a mass is 0.
     """
-    sized = _with_sizes(belts, answer)
+
+    def marked(question: str, default: float, reason: str) -> tuple[float, str]:
+        value, source = answer(question, default, reason)
+        return value, f"{MARK}{source}"
+
+    sized = _with_sizes(belts, marked)
     rear, front, remark = _flat_run(file, sized)
     middle_m = 0.5 * (rear.centre_m + front.centre_m)
     origin_m = np.array([middle_m[0], _across(sized)[0], front.centre_m[2] - front.half_m[0]])
@@ -52,9 +58,9 @@ def vehicle_file(file: str, name: str, links: Sequence[DescribedLink], belts: De
     head += [f"# Joints held at zero: {', '.join(sized.held)}."] if sized.held else []
     lines: list[Line] = [("name", _slug(name), "")]
     lines += _masses(file, sized, origin_m)
-    lines += _sections(file, sized, (rear, front), origin_m, remark, answer)
-    lines += _drives(answer)
-    lines += _camera(front.centre_m[0] - origin_m[0], answer)
+    lines += _sections(file, sized, (rear, front), origin_m, remark, marked)
+    lines += _drives(marked)
+    lines += _camera(front.centre_m[0] - origin_m[0], marked)
     return "\n".join([*head, *(_written(*line) for line in lines)]) + "\n"
 
 
