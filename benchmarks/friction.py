@@ -10,9 +10,11 @@ numerical settings. Then all gains run at both frictions on the seeds of the ben
 import argparse
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from pathlib import Path
 
 import numpy as np
+from tables import markdown
 
 from treadline.bench.policies import proportional
 from treadline.bench.scoring import BenchRun, run_bench
@@ -26,8 +28,7 @@ TUNING_SEED = 1_000_000
 """First seed of the tuning; episodes of the bench have the seeds from 0 on."""
 
 
-for number, gain in enumerate(GAINS):
-    globals()[f"Gain{number}"] = partial(proportional, gain=gain)
+globals().update({f"Gain{number}": partial(proportional, gain=gain) for number, gain in enumerate(GAINS)})
 
 
 def run_of(number: int, friction: float | None) -> BenchRun:
@@ -50,18 +51,16 @@ def main() -> None:
     given = parser.parse_args()
     chosen = {name: tuned(friction, given.tuning) for name, friction in FRICTIONS.items()}
     found = {}
-    for number, gain in enumerate(GAINS):
-        for name, friction in FRICTIONS.items():
-            folder = given.out / f"gain-{gain:g}-at-{name.replace('/', '-')}"
-            run = run_of(number, friction)
-            scores = run_bench(run, ["Straighten"], given.episodes, given.workers, folder, lambda _: None)
-            found[gain, name] = scores["tasks"]["Straighten"]
-    print("| gain [1/rad] | " + " | ".join(f"score at {name}" for name in FRICTIONS) + " | tuned at |")
-    print("| --- " * (len(FRICTIONS) + 2) + "|")
+    for (number, gain), (name, friction) in product(enumerate(GAINS), FRICTIONS.items()):
+        folder = given.out / f"gain-{gain:g}-at-{name.replace('/', '-')}"
+        scores = run_bench(run_of(number, friction), ["Straighten"], given.episodes, given.workers, folder, lambda _: None)
+        found[gain, name] = scores["tasks"]["Straighten"]
+    lines = []
     for number, gain in enumerate(GAINS):
         cells = [found[gain, name] for name in FRICTIONS]
         scores = [f"{cell['score']:.2f} ({cell['interval'][0]:.2f} to {cell['interval'][1]:.2f})" for cell in cells]
-        print(f"| {gain:g} | {' | '.join(scores)} | {', '.join(name for name in FRICTIONS if chosen[name] == number)} |")
+        lines.append(f"| {gain:g} | {' | '.join(scores)} | {', '.join(name for name in FRICTIONS if chosen[name] == number)} |")
+    markdown(f"| gain [1/rad] | {' | '.join(f'score at {name}' for name in FRICTIONS)} | tuned at |", lines)
     rows = [{"gain": gain, "friction": name} | cell for (gain, name), cell in found.items()]
     write_json(given.out / "friction.json", {"tuned": {name: GAINS[k] for name, k in chosen.items()}, "rows": rows})
 
