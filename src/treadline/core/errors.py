@@ -127,5 +127,4 @@ def closest(name: str, known: Iterable[str]) -> str | None:
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return the end of a message that asks for the known name most similar to a misspelt one; empty if none is."""
-    close = closest(name, known)
-    return "" if close is None else f"; did you mean '{close}'?"
+    return f"; did you mean '{close}'?" if (close := closest(name, known)) else ""
