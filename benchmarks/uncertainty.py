@@ -45,9 +45,10 @@ controller. Each cell is the largest absolute change of the figure over the vari
 | seed | seeds 1 and 2 (0): sensor noise alone; not in the sum |
 
 Runs, with the statistical camera: Table II from +30°, 80 s, at 25°, 28° and 30° with friction 0.62/0.5 and at 28° with 0.9/0.5;
-straight up 28° for 60 s with a belt mismatch of 2 %; 400 samples of excitation at 20°; up-28 and down-28; a braked chair on 28° for
-60 s and on 32.4° for 3 s. In the variations of step, stiffness and friction alone: the turn at 28° with roll-back allowed, the open loop on
-28°, the controller as printed, the seat, the dead zone, the frame of Fig. 5, and lugs of 15 mm every 80 mm (turns of 4 s, up-28).
+straight up 28° for 60 s with a belt mismatch of 2 %; 400 samples of excitation at 20°; up-28 and down-28; a braked chair on 28°
+for 60 s and on 32.4° for 3 s. In the variations of step, stiffness and friction alone: the turn at 28° with roll-back allowed,
+the open loop on 28°, the controller as printed, the seat, the dead zone, the frame of Fig. 5, and lugs of 15 mm every 80 mm
+(turns of 4 s, up-28).
 RSS is the root sum of squares over the sources in the sum, as far as they were run.
 
 **Bold**: the source changes the figure by more than its margin to the target. †: in a variation of the source
