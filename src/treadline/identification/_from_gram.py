@@ -14,7 +14,14 @@ import numpy as np
 
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification._affine import to_model
-from treadline.identification._checks import channel_names, check_excitation, check_independent, check_integers, check_records
+from treadline.identification._checks import (
+    channel_names,
+    check_alike,
+    check_excitation,
+    check_independent,
+    check_integers,
+    units_of_moving,
+)
 from treadline.identification._deconvolution import observer_of
 from treadline.identification._ensemble import candidates_of, ensemble
 from treadline.identification._fitting import Evidence, FittedSystem, Fitting
@@ -237,5 +244,5 @@ def pbsid(
 def _sums(records: InputOutputRecord | Sequence[InputOutputRecord], lags: int, order: int | None, solver: str) -> Gram:
     check_integers(order=order, lags=lags)
     given = [records] if isinstance(records, InputOutputRecord) else list(records)
-    units = check_records(given)
-    return gram_of(given, max_supported_lags(given, lags, order), units, solver=solver)
+    check_alike(given)
+    return gram_of(given, max_supported_lags(given, lags, order), units_of_moving(given), solver=solver)

@@ -8,13 +8,12 @@ is the output error of its predictor with the outputs as additional inputs, so o
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from treadline.core.arrays import observability, store_contiguous
+from treadline.core.arrays import observability
 from treadline.core.linear_system_kernels import free_run
 from treadline.core.linear_systems import prefix
 from treadline.core.models import InputOutputRecord
@@ -43,22 +42,8 @@ all (Levenberg), so that the step does not depend on the basis.
 """
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Directions:
-    """Changes of the system matrix [[A, B], [C, D]] per unit of each of d parameters."""
-
-    S: Float[np.ndarray, "n_and_p n_and_m1 d"]
-
-    def __post_init__(self) -> None:
-        store_contiguous(self)
-
-    def along(self, root: Float[np.ndarray, "d k"]) -> "Directions":
-        """Return the changes along each column of ``root``."""
-        return Directions(S=self.S @ root)
-
-    def moved(self, system: Affine, step: Float[np.ndarray, " d"]) -> Affine:
-        """Return the system after a step along the directions."""
-        return system.with_block(system.block + self.S @ step)
+Directions = Float[np.ndarray, "n_and_p n_and_m1 d"]
+"""Changes of the system matrix [[A, B], [C, D]] per unit of each of d parameters."""
 
 
 def experiments_of(records: Sequence[InputOutputRecord], units: Units) -> list[Experiment]:
@@ -166,7 +151,7 @@ def refit(
         ways = ways_from(now)
         square, right = normal_equations(now, experiments, ways)
         same = np.full(len(right), square.trace() / len(right))
-        return square, right, same, lambda step: bounded(ways.moved(now, step))
+        return square, right, same, lambda step: bounded(now.with_block(now.block + ways @ step))
 
     return descended(system, allowed_cost, linearised, enough=CHANCE / rows)
 
@@ -226,7 +211,7 @@ def jacobian(
     u = np.vstack([np.zeros((1, experiment.u.shape[1])), experiment.u])
     u = np.column_stack([u, np.eye(1, len(u))[0]])
     start = np.concatenate([x0, np.zeros(len(system.C))])
-    S, dS = np.column_stack([system.block, start]), np.pad(ways.S, ((0, 0), (0, 1), (0, 0)))
+    S, dS = np.column_stack([system.block, start]), np.pad(ways, ((0, 0), (0, 1), (0, 0)))
     J = tangents(S, dS, u)[1:]
     J[~experiment.there] = 0.0
     flat = J.reshape(-1, dS.shape[2])
@@ -247,7 +232,7 @@ def directions(system: Affine, fixed: Bool[np.ndarray, "p m1"]) -> Directions:
     gauge = np.concatenate([turn.reshape(S.size, n * n), shift.reshape(S.size, n)], axis=1)[free]
     ways = np.zeros((S.size, len(free) - n * n - n))
     ways[free] = np.linalg.qr(gauge, mode="complete")[0][:, n * n + n :]
-    return Directions(S=ways.reshape(*S.shape, -1))
+    return ways.reshape(*S.shape, -1)
 
 
 def _lasting(system: Affine, steps: int) -> int:
