@@ -27,13 +27,8 @@ def test_no_log_gives_a_wrong_yaw_gain_without_naming_the_cause(kind: str, seed:
     found = outcome(drive_log(kind, seed))
     assert not found.silently_wrong, found
     assert not found.is_worse, found
-
-
-@pytest.mark.parametrize("kind", FINDINGS)
-def test_the_cause_is_named(kind: str) -> None:
-    for seed in (3, 4):
-        messages = outcome(drive_log(kind, seed)).messages
-        assert any(re.search(FINDINGS[kind], message) for message in messages), (seed, messages)
+    if kind in FINDINGS:
+        assert any(re.search(FINDINGS[kind], message) for message in found.messages), found.messages
 
 
 @pytest.mark.parametrize("kind", ["open", "filtered", "delayed"])
