@@ -1,4 +1,4 @@
-"""Data of a fit with the intermediate results that models share, the refit of the innovation gain.
+"""Data of a fit, and the refit of the innovation gain.
 
 Last fitting steps of a model:
 
@@ -9,7 +9,6 @@ Last fitting steps of a model:
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -52,7 +51,7 @@ class CandidateScore:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fitting:
-    """Data of a fit, with the intermediate results that models share."""
+    """Data of a fit."""
 
     data: Gram
     records: Sequence[InputOutputRecord]
@@ -66,9 +65,9 @@ class Fitting:
         fixed[:, :m] = not self.feedthrough
         return fixed
 
-    @cached_property
+    @property
     def experiments(self) -> list[Experiment]:
-        """The samples as experiments in standard deviations."""
+        """The samples as experiments in standard deviations; made anew, because those of a long record fill the memory."""
         return experiments_of(self.records, self.data.units)
 
     def with_more_lags(self, lags: int) -> Gram:

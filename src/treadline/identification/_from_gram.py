@@ -140,8 +140,9 @@ def _exact(fitting: Fitting, evidence: Evidence, options: IdentificationOptions,
     An observer predicts smooth data a step ahead almost without error, whatever its model is worth.
     """
     found = _by_okid(fitting, evidence, options, warnings)
-    values = sum(int(item.there.sum()) * item.y.shape[1] for item in fitting.experiments)
-    return found if cost(found.system, fitting.experiments) < EXACT_RUN * values else None
+    experiments = fitting.experiments
+    values = sum(int(item.there.sum()) * item.y.shape[1] for item in experiments)
+    return found if cost(found.system, experiments) < EXACT_RUN * values else None
 
 
 def _order(evidence: Evidence, options: IdentificationOptions, warnings: list[str]) -> OrderChoice:

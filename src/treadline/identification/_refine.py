@@ -51,14 +51,14 @@ def experiments_of(records: Sequence[InputOutputRecord], units: Units) -> list[E
     made = []
     m = units.input_count
     for record in records:
-        u, y = (record.u - units.shift[:m]) / units.input_scale, (record.y - units.shift[m:]) / units.output_scale
-        there = np.isfinite(y).all(axis=1)
-        whole = Experiment(
-            u=np.column_stack([u, np.ones(len(u))]),
-            y=y if there.all() else np.where(there[:, None], y, 0.0),
-            there=there,
-        )
-        known = np.isfinite(u).all(axis=1)
+        # In place, because temporary arrays of a long record are as large as the record.
+        u, y = np.ones((len(record), m + 1)), record.y - units.shift[m:]
+        np.subtract(record.u, units.shift[:m], out=u[:, :m])
+        u[:, :m] /= units.input_scale
+        y /= units.output_scale
+        there, known = np.isfinite(y).all(axis=1), np.isfinite(u).all(axis=1)
+        y[~there] = 0.0
+        whole = Experiment(u=u, y=y, there=there)
         made += [whole] if known.all() else [whole.part(*run) for run in runs_of(known)]
     return made
 
