@@ -74,7 +74,9 @@ def test_gauge_and_dead_time_are_found_with_an_honest_interval(kind: str) -> Non
     inside = []
     for seed in range(200, 210):
         log = drive_log(kind, seed)
-        words = turn_fit([log.record]).described()
+        found = turn_fit([log.record])
+        assert found is not None
+        words = found.described()
         assert words is not None
         inside.append(words.gauge_m.low <= 1.0 / log.yaw_gain <= words.gauge_m.high)
         assert not words.acts_at_once
