@@ -56,9 +56,10 @@ def experiments_of(records: Sequence[InputOutputRecord], units: Units) -> list[E
         np.subtract(record.u, units.shift[:m], out=u[:, :m])
         u[:, :m] /= units.input_scale
         y /= units.output_scale
-        there, known = np.isfinite(y).all(axis=1), np.isfinite(u).all(axis=1)
+        there = np.isfinite(y).all(axis=1)
         y[~there] = 0.0
         whole = Experiment(u=u, y=y, there=there)
+        known = np.asarray(np.isfinite(u).all(axis=1))
         made += [whole] if known.all() else [whole.part(*run) for run in runs_of(known)]
     return made
 
