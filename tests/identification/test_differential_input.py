@@ -36,15 +36,15 @@ def error_of(model: LinearModel, plant: LinearModel) -> float:
 
 def test_a_symmetric_vehicle_is_fitted_by_the_difference_of_its_belt_speeds() -> None:
     plant, by_difference, by_both = vehicle(), [], []
-    for seed in range(12):
+    for seed in range(6):
         record = driven(plant, seed)
         found = fit(record, order=1)
-        assert found.report.mirrored
+        assert found.differential is not None
         np.testing.assert_allclose(found.model.B[:, 0], -found.model.B[:, 1])
         np.testing.assert_allclose(found.model.D[:, 0], -found.model.D[:, 1])
         assert found.model.input_names == NAMES
         assert found.model.provenance["inputs"] == "difference"
-        assert len(found.report.delays) == 2
+        assert len(found.model.input_delay) == 2
         assert found.gram.units.input_count == 2
         by_difference.append(error_of(found.model, plant))
         by_both.append(error_of(fit(replace(record, input_names=("a_m_s", "b_m_s")), order=1).model, plant))
@@ -103,15 +103,15 @@ def test_the_operating_point_lies_between_the_belts_own_means() -> None:
 
 def test_intervals_of_both_belts_are_those_of_their_difference() -> None:
     within, plant = [], vehicle()
-    for seed in range(60):
+    for seed in range(25):
         found = fit(driven(plant, 100 + seed, samples=400), order=1)
         intervals = found.intervals
         spread = intervals.impulse(6)
         np.testing.assert_allclose(spread[:, :, 0], spread[:, :, 1])
         off = np.abs(impulse_response(found.model, 6) - impulse_response(plant, 6))
         within.append(off[1, 0] < 1.96 * spread[1, 0])
-    # 95 of 100 are contained; below 87 % of 60 runs is three standard deviations less.
-    assert np.mean(within) > 0.87
+    # 95 of 100 are contained; below 82 % of 25 runs is three standard deviations less.
+    assert np.mean(within) > 0.82
 
 
 def test_dead_time_is_removed_before_the_belts_are_combined() -> None:

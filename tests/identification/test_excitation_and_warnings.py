@@ -91,12 +91,12 @@ def test_gaps_do_not_make_white_residuals_coloured() -> None:
 
 def test_the_right_model_passes_both_tests_on_data_it_has_not_seen(draw: Draw) -> None:
     # Fitted to nine times as much data, because the model's own error would shift the p-values by a twentieth.
-    records = [draw(seed, noise=0.1, samples=4000) for seed in range(40)]
+    records = [draw(seed, noise=0.1, samples=2000) for seed in range(16)]
     reports = [fit(record, order=2, method="okid-era", lags=8, validation=0.1).report for record in records]
     for values in ([report.whiteness_p for report in reports], [report.crosscorrelation_p for report in reports]):
-        # Uniform: mean 0.5 ± 0.05, and 0.4 of 40 below 1 %.
-        assert 0.3 < np.mean(values) < 0.65
-        assert sum(value < 0.01 for value in values) <= 4
+        # Uniform: mean 0.5 ± 0.07, and 0.2 of 16 below 1 %.
+        assert 0.3 < np.mean(values) < 0.7
+        assert sum(value < 0.01 for value in values) <= 2
 
 
 def test_a_wrong_model_is_reported_with_both_p_values(draw: Draw) -> None:

@@ -26,7 +26,7 @@ def robot(seed: int, noise: tuple[float, float], rows: int = 600) -> InputOutput
 
 
 @pytest.mark.parametrize("noise", [(0.0, 0.01), (0.005, 0.0), (0.005, 0.01), (0.0, 0.0)], ids=["rate", "heading", "both", "none"])
-@pytest.mark.parametrize("seed", [401, 402, 403])
+@pytest.mark.parametrize("seed", [401, 402])
 def test_a_robot_of_two_states_has_two_states_whichever_output_is_noisy(noise: tuple[float, float], seed: int) -> None:
     found = fit(robot(seed, noise), method="best")
     # One more is allowed; 160 of 160 logs of other seeds have two.

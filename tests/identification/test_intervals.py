@@ -1,10 +1,11 @@
 """Intervals with a nominal coverage of 95 % contain the true value in 95 % of the runs.
 
-Runs are independent: with n expected hits at 95 % the share scatters by √(0.95·0.05/n), 1.1 % at 400. Poles of one run, and the
-gain at several frequencies, are correlated, so their share scatters somewhat more.
+Runs are independent: with n expected hits at 95 % the share scatters by √(0.95·0.05/n), 2.2 % at 100. Poles of one run, and the
+gain at several frequencies, are correlated, so their share scatters somewhat more. Bounds are two of these and more; the benchmark
+``accuracy`` counts many more runs.
 """
 
-from typing import Any
+from functools import cache
 
 import numpy as np
 import pytest
@@ -12,8 +13,10 @@ from jaxtyping import Complex, Float
 from scipy.linalg import block_diag
 from systems import Draw, fit, oscillation, system
 
+from treadline.core import paper
 from treadline.core.linear_systems import impulse_response, simulate
 from treadline.core.models import InputOutputRecord, LinearModel
+from treadline.identification import Identified
 from treadline.identification._affine import Affine, to_model
 from treadline.identification._gram import units_of
 from treadline.identification._intervals import ConfidenceIntervals, of_refined
@@ -80,75 +83,65 @@ def markov_held(found: ConfidenceIntervals, true: LinearModel) -> list[bool]:
 
 
 @pytest.mark.parametrize(
-    ("system", "samples", "noise", "memory", "runs"),
-    [("eq_12", 300, 0.1, 0.0, 200), ("spring", 400, 0.05, 0.0, 200), ("eq_12", 2000, 0.1, 0.8, 120)],
+    ("system", "samples", "noise", "memory"),
+    [("eq_12", 300, 0.1, 0.0), ("spring", 400, 0.05, 0.0), ("eq_12", 1000, 0.1, 0.8)],
     ids=["real", "complex", "coloured"],
 )
 def test_intervals_of_a_refined_model_cover_the_truth_95_times_in_100(
-    request: pytest.FixtureRequest, system: str, samples: int, noise: float, memory: float, runs: int
+    request: pytest.FixtureRequest, system: str, samples: int, noise: float, memory: float
 ) -> None:
     true: LinearModel = request.getfixturevalue(system)
     poles, gains, markov = [], [], []
-    for seed in range(runs):
+    for seed in range(60):
         found = refined_near(true, record_of(true, 1000 + seed, samples, noise, memory))
         poles += poles_held(found, true)
         gains += gains_held(found, true)
         markov += markov_held(found, true)
     for held in (poles, gains, markov):
-        assert 0.93 <= np.mean(held) <= 0.97
+        assert 0.90 <= np.mean(held) <= 0.99
 
 
-@pytest.mark.parametrize("memory", [0.0, 0.8], ids=["white", "coloured"])
-def test_intervals_of_the_selected_model_cover_the_truth_under_coloured_noise(eq_12: LinearModel, memory: float) -> None:
+def test_intervals_of_the_selected_model_cover_the_truth_under_coloured_noise(eq_12: LinearModel) -> None:
     poles, gains = [], []
-    for seed in range(40):
-        found = fit(record_of(eq_12, seed, 1000, 0.1, memory), order=2).intervals
+    for seed in range(20):
+        found = fit(record_of(eq_12, seed, 1000, 0.1, 0.8), order=2).intervals
         if found is not None:  # candidates with refitted B and D only have no intervals
             poles += poles_held(found, eq_12)
             gains += gains_held(found, eq_12)
-    assert len(poles) >= 60
-    # Eighty poles of forty runs: 95 % ± 2.9, and two of these below. Over a hundred runs 95 and 96 % were counted.
-    assert np.mean(poles) >= 0.89
-    assert np.mean(gains) >= 0.89
+    assert len(poles) >= 30
+    # Forty poles of twenty runs: 95 % ± 4, and two of these below. Over a hundred runs 96 % were counted.
+    assert np.mean(poles) >= 0.87
+    assert np.mean(gains) >= 0.87
 
 
-def test_intervals_of_a_subspace_model_cover_the_true_gain_95_times_in_100(eq_12: LinearModel) -> None:
-    found = [fit(record_of(eq_12, seed, 300, 0.1), order=2, lags=4, method="pbsid").intervals for seed in range(100)]
-    gains = [hit for item in found if item is not None for hit in gains_held(item, eq_12)]
-    # A hundred runs of sixteen correlated gains: about 2 %.
-    assert len(gains) == 1600
-    assert 0.92 <= np.mean(gains) <= 0.98
+@cache
+def fits(method: str, lags: int | None, samples: int, noise: float, memory: float) -> list[Identified]:
+    """Return fifty fits of order two to records of Eq. (12)."""
+    true = system(paper.A, paper.B, paper.C, paper.D)
+    records = [record_of(true, seed, samples, noise, memory) for seed in range(50)]
+    return [fit(record, order=2, lags=lags, method=method) for record in records]
 
 
 @pytest.mark.parametrize(
-    ("plant", "method", "lags", "record", "runs", "share"),
+    ("method", "lags", "samples", "noise", "memory"),
     [
-        # 95 % minus one and a half of the 1.5 % of 200 hits.
-        ("eq_12", "okid-era", 4, (300, 0.1), 100, (0.93, 1.0)),
-        ("eq_12", "pbsid", 4, (300, 0.1), 100, (0.93, 1.0)),
-        # 240 hits scatter by 1.4 %. With β counted twice in the innovation response, 99.8 % were contained under coloured noise.
-        ("eq_12", "okid-era", None, (1000, 0.05), 120, (0.92, 0.98)),
-        ("eq_12", "okid-era", 20, (1000, 0.05, 0.8), 120, (0.92, 0.98)),
+        ("okid-era", 4, 300, 0.1, 0.0),
+        ("pbsid", 4, 300, 0.1, 0.0),
+        # With β counted twice in the innovation response, 99.8 % were contained under coloured noise.
+        ("okid-era", 20, 1000, 0.05, 0.8),
         # Lags by AICc: 92 and 90 to 95 were counted. With the two or three lags of the BIC the coverage was 84.
-        ("eq_12", "okid-era", None, (1000, 0.2, 0.8), 120, (0.88, 1.0)),
-        # 180 hits, of which each pair's two are one: 2 %.
+        ("okid-era", None, 1000, 0.2, 0.8),
     ],
 )
-def test_intervals_of_a_subspace_model_cover_the_true_poles_95_times_in_100(
-    request: pytest.FixtureRequest,
-    plant: str,
-    method: str,
-    lags: int | None,
-    record: tuple[Any, ...],
-    runs: int,
-    share: tuple[float, float],
+def test_intervals_of_a_subspace_model_cover_the_truth_95_times_in_100(
+    eq_12: LinearModel, method: str, lags: int | None, samples: int, noise: float, memory: float
 ) -> None:
-    """Test: records of a plant (samples, share of noise, and memory of the noise). Expected result: poles within their discs."""
-    true: LinearModel = request.getfixturevalue(plant)
-    found = [fit(record_of(true, seed, *record), order=true.order, lags=lags, method=method).intervals for seed in range(runs)]
-    poles = [hit for item in found if item is not None for hit in poles_held(item, true)]
-    assert len(poles) == runs * true.order
-    assert share[0] <= np.mean(poles) <= share[1]
+    found = [one.intervals for one in fits(method, lags, samples, noise, memory)]
+    poles = [hit for item in found if item is not None for hit in poles_held(item, eq_12)]
+    gains = [hit for item in found if item is not None for hit in gains_held(item, eq_12)]
+    assert len(poles) == 100
+    assert np.mean(poles) >= 0.89
+    assert method == "okid-era" or 0.90 <= np.mean(gains) <= 0.99
 
 
 def test_residuals_without_power_at_a_mode_do_not_widen_its_interval() -> None:
@@ -184,12 +177,12 @@ def test_intervals_follow_the_units_of_the_record(draw: Draw) -> None:
     np.testing.assert_allclose(scaled.frequency(OMEGA), plain.frequency(OMEGA) * out[:, None] / into, rtol=1e-6)
 
 
-def test_the_interval_of_the_impulse_response_matches_the_scatter_over_many_records(eq_12: LinearModel) -> None:
-    models = [fit(record_of(eq_12, seed, 300, 0.1), order=2, lags=4, method="okid-era") for seed in range(100)]
+def test_the_interval_of_the_impulse_response_matches_the_scatter_over_many_records() -> None:
+    models = fits("okid-era", 4, 300, 0.1, 0.0)
     spread = np.std([impulse_response(item.model, STEPS) for item in models], axis=0)
     declared: Float[np.ndarray, "k p m"] = np.mean([item.intervals.impulse(STEPS) for item in models if item.intervals], axis=0)
-    # A standard deviation of 100 runs is known to 7 %: three of those. Beyond the lags, parameters follow from products of noisy
-    # ones, and the first-order intervals are too wide by a half at most.
+    # A standard deviation of 50 runs is known to 10 %: two and a half of those. Beyond the lags, parameters follow from products of
+    # noisy ones, and the first-order intervals are too wide by a half at most.
     np.testing.assert_allclose(declared[:2], spread[:2], rtol=0.25)
     assert np.all((declared > 0.8 * spread) & (declared < 1.6 * spread))
 

@@ -34,7 +34,7 @@ def test_offsets_of_a_thousand_deviations_cost_the_three_digits_that_the_samples
 
 def test_the_lags_of_an_observer_of_noisy_outputs_grow_with_the_data(draw: Draw) -> None:
     few, many = (
-        [fit(draw(seed, samples=n, noise=0.1), order=2, method="okid-era").report.lags for seed in range(5)] for n in (200, 5000)
+        [fit(draw(seed, samples=n, noise=0.1), order=2, method="okid-era").found.lags for seed in range(5)] for n in (200, 5000)
     )
     assert np.median(few) < np.median(many)
 

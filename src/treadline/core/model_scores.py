@@ -27,7 +27,7 @@ TESTED_SAMPLES_MIN = 2 * TESTED_LAGS
 FORECAST_STEPS = 10
 """Shortest forecast that is compared with persistence, and stands in place of a free run of an unstable model [samples]."""
 GROWTH = 3.0
-"""Growth of an unstable mode over a longer forecast, as a power of e: twentyfold."""
+"""Growth of an unstable mode over a longer forecast, and decay of a mode that is no drift over a record, as a power of e."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)

@@ -20,7 +20,7 @@ from treadline.core.printing import Brief, Plottable
 from treadline.core.state_space import StateSpaceModel, channel_names
 
 GROWTH_MOST = 1e3
-"""Growth up to which the responses of an unstable model are computed."""
+"""Growth up to which responses of an unstable model are computed, and a mode does not dominate a free run."""
 STEPS_LEAST, STEPS_MOST = 20, 400
 """Smallest and largest length of a time response [samples]: a shorter panel looks empty; in a longer one single samples are not
 visible."""

@@ -14,6 +14,7 @@ from jaxtyping import Float, Num
 from scipy.linalg import schur
 
 from treadline.core.arrays import store_contiguous
+from treadline.core.model_scores import GROWTH
 from treadline.core.models import LinearModel
 from treadline.core.state_space import Provenance
 from treadline.identification._gram import Units
@@ -129,23 +130,21 @@ ON_CIRCLE = 1e-9
 """Distance of a pole's modulus from 1 that counts as rounding."""
 INSIDE = 1.0 - 1e-6
 """Largest modulus of a pole after reflection into the unit circle: an integrator that is estimated just outside stays one."""
-DECAYED = 3.0
-"""Decay over the record, as a power of e, below which a slow mode looks like drift: to a twentieth."""
 
 
 def stabilised(system: Affine, *, samples: float = math.inf) -> Affine:
     """Return the system with poles outside the unit circle reflected, and slow poles bounded.
 
     The reflection 1/λ* preserves the magnitude of the frequency response. Only the diagonal of the real Schur form changes,
-    so that equal poles stay coupled. A mode that neither decays nor turns once within a third of the record looks like drift,
-    of which measured data are full; its modulus is at most 1 - 3/samples. A mode that turns is seen many times, and keeps its
-    damping.
+    so that equal poles stay coupled. A mode that neither decays to a twentieth nor turns once within a third of the record looks
+    like drift, of which measured data are full; its modulus is at most 1 - 3/samples. A mode that turns is seen many times, and
+    keeps its damping.
 
     Args:
         system: Model.
         samples: Length of the record; infinite to leave slow poles as they are.
     """
-    slowest = 1.0 - DECAYED / max(samples, 2.0 * DECAYED)
+    slowest = 1.0 - GROWTH / max(samples, 2.0 * GROWTH)
     if system.radius <= min(slowest, 1.0 - ON_CIRCLE):
         return system
     T, Q = schur(system.A, output="real")
@@ -154,7 +153,7 @@ def stabilised(system: Affine, *, samples: float = math.inf) -> Affine:
         size = 2 if at + 1 < len(T) and T[at + 1, at] != 0.0 else 1
         block = slice(at, at + size)
         pole = complex(np.linalg.eigvals(T[block, block])[0])
-        modulus, drifts = abs(pole), math.isfinite(samples) and abs(cmath.phase(pole)) * samples < 2.0 * math.pi * DECAYED
+        modulus, drifts = abs(pole), math.isfinite(samples) and abs(cmath.phase(pole)) * samples < 2.0 * math.pi * GROWTH
         if modulus >= 1.0 - ON_CIRCLE:
             T[block, block] *= min(1.0 / modulus, slowest if drifts else INSIDE) / modulus
         elif drifts and modulus > slowest:

@@ -18,22 +18,6 @@ FEW_SAMPLES = 4.0
 """New information, in samples, below which an order counts as poorly excited."""
 
 
-def check_records(records: list[InputOutputRecord], *, parts: bool = False) -> Units:
-    """Check that the records hold finite numbers, agree in channels and period, and vary; return their units.
-
-    ``check_independent`` tests the Gram matrix for inputs that move together.
-
-    Args:
-        parts: Whether the records are parts of longer ones; the share of gaps is then checked on the whole record.
-
-    Raises:
-        RecordError: With the record, the column and the number.
-        PeriodMismatch: If records have different periods.
-    """
-    check_alike(records, parts=parts)
-    return units_of_moving(records)
-
-
 def units_of_moving(records: Sequence[InputOutputRecord]) -> Units:
     """Return the units of records that have been checked to be alike.
 
@@ -64,7 +48,7 @@ def check_alike(records: list[InputOutputRecord], *, parts: bool = False, output
     """Check that records hold finite numbers and have the same channels and period.
 
     Args:
-        parts: Whether the records are parts of longer ones (see ``check_records``).
+        parts: Whether the records are parts of longer ones; the share of gaps is then checked on the whole record.
         outputs_alone: Whether the records may have no inputs.
 
     Raises:

@@ -24,10 +24,10 @@ from treadline.core.turning import belt_signs, integral_faults, radians, turn_ch
 from treadline.identification._checks import channel_names
 from treadline.identification._gram import Gram, Units, gram_of, units_of
 from treadline.identification._intervals import ConfidenceIntervals
-from treadline.identification._limits import HALF, PREDICTABLE, ROUNDING, ROWS_PER_PARAMETER, SIGNIFICANCE
+from treadline.identification._limits import HALF, PREDICTABLE, RECENT, ROUNDING, ROWS_PER_PARAMETER, SIGNIFICANCE
 from treadline.identification._model_order import min_bic
 
-ROWS_MOST = 2000
+ROWS_MOST = RECENT // 10
 """Largest number of windows in a test, spread over all records: bounds its time to some milliseconds."""
 COLUMNS_MOST = 100
 """Largest number of regressors in a test, likewise."""

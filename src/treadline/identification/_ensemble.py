@@ -25,7 +25,8 @@ from scipy.special import betaincinv
 from treadline.core.arrays import finite_or_none, markov_parameters
 from treadline.core.errors import PoorExcitation
 from treadline.core.linear_systems import most_recent
-from treadline.identification._affine import DECAYED, Affine, stabilised
+from treadline.core.model_scores import GROWTH
+from treadline.identification._affine import Affine, stabilised
 from treadline.identification._decaying_ridge import DECAYS, decaying_ridge
 from treadline.identification._fitting import CandidateScore, Fitting
 from treadline.identification._limits import LAGS_MOST, RECENT, SIGNIFICANCE
@@ -38,8 +39,6 @@ ORDERS_TRIED = 12
 """Orders per decay, spread evenly over the range: 1 to 12, or from half to one and a half times the order of smallest BIC."""
 VALUES_PER_COEFFICIENT = 10
 """Output values per coefficient of the largest order."""
-VALUES_MOST = 40_000
-"""Most recent output values of which free runs are taken: 20,000 samples of two outputs; more would hardly change the medoid."""
 IMPULSE_STEPS, IMPULSE_WEIGHT = 200, 0.1
 """Longest impulse response compared, and its weight: it decides where the inputs of the record leave the models alike."""
 JUDGED = 0.3
@@ -127,7 +126,8 @@ def ensemble(fitting: Fitting, orders: Sequence[int] | None, on_progress: Callab
         PoorExcitation: If no order has a model.
     """
     units = fitting.data.units
-    experiments = experiments_of(most_recent(fitting.records, VALUES_MOST // len(units.output_scale)), units)
+    # The values of ``RECENT`` samples of two outputs; more would hardly change the medoid.
+    experiments = experiments_of(most_recent(fitting.records, 2 * RECENT // len(units.output_scale)), units)
     found: list[Member] = []
     for decay in DECAYS:
         on_progress(f"models with a prior that decays by {decay:g} a lag")
@@ -139,7 +139,7 @@ def ensemble(fitting: Fitting, orders: Sequence[int] | None, on_progress: Callab
         )
     length = float(max(len(item.y) for item in experiments))
     # A plant is unstable if it grows over the record as much as a slow mode has to decay.
-    if np.quantile([one.realised.radius for one in found if one.votes], AGREEING) > 1.0 + DECAYED / length:
+    if np.quantile([one.realised.radius for one in found if one.votes], AGREEING) > 1.0 + GROWTH / length:
         return _unstable(fitting, found)
     again = partial(with_inputs_again, fixed=fitting.fixed)
 

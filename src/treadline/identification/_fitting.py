@@ -1,4 +1,4 @@
-"""Data of a fit with the intermediate results that models share, the refit of the innovation gain.
+"""Data of a fit, and the refit of the innovation gain.
 
 Last fitting steps of a model:
 
@@ -9,7 +9,6 @@ Last fitting steps of a model:
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -19,16 +18,15 @@ from treadline.core.linear_systems import most_recent
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.core.state_space import Provenance
 from treadline.core.turning import NAME_PRIOR
-from treadline.identification._affine import Affine, stabilised, to_model
+from treadline.identification._affine import INSIDE, Affine, stabilised, to_model
 from treadline.identification._checks import channel_names
 from treadline.identification._era import HankelSvd
 from treadline.identification._gram import Gram, gram_of
+from treadline.identification._limits import RECENT
 from treadline.identification._modes import Experiment, with_inputs_again
 from treadline.identification._okid import ObserverMarkov
-from treadline.identification._refine import Directions, experiments_of, predictors_of, refit
+from treadline.identification._refine import experiments_of, predictors_of, refit
 
-GAIN_SAMPLES = 5_000
-"""Number of most recent samples used to fit the innovation gain: a hundred for each of its entries, or nearly so."""
 GAIN_ENTRIES = 60
 """Entries of an innovation gain up to which its refit takes less time than the rest of a fit."""
 SLOWEST_OBSERVER = 0.95
@@ -53,7 +51,7 @@ class CandidateScore:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fitting:
-    """Data of a fit, with the intermediate results that models share."""
+    """Data of a fit."""
 
     data: Gram
     records: Sequence[InputOutputRecord]
@@ -67,14 +65,10 @@ class Fitting:
         fixed[:, :m] = not self.feedthrough
         return fixed
 
-    @cached_property
+    @property
     def experiments(self) -> list[Experiment]:
-        """The samples as experiments in standard deviations."""
+        """The samples as experiments in standard deviations; made anew, because those of a long record fill the memory."""
         return experiments_of(self.records, self.data.units)
-
-    def predictors(self, least: int) -> list[Experiment]:
-        """Return the samples with the outputs as additional inputs, in unbroken runs of at least ``least`` samples."""
-        return predictors_of(self.experiments, least)
 
     def with_more_lags(self, lags: int) -> Gram:
         """Return a Gram matrix with more lags if the records are complete and long enough, else the existing one."""
@@ -92,18 +86,19 @@ class Fitting:
         n, p = system.order, len(system.C)
         runs, slowest = [], 1.0
         if n * p <= GAIN_ENTRIES:
-            runs = predictors_of(experiments_of(most_recent(self.records, GAIN_SAMPLES), self.data.units), least=GAIN_RUN)
+            # A quarter of the samples has a hundred, or nearly so, for each entry of the gain.
+            runs = predictors_of(experiments_of(most_recent(self.records, RECENT // 4), self.data.units), least=GAIN_RUN)
             if not runs:  # gaps leave no long run; a stable free-run model has innovation gain zero
                 return replace(system, K=np.zeros((n, p))) if system.radius < 1.0 else system
             # An observer slower than this limit and than the plant forgets a wrong initial state too late.
             slowest = max(SLOWEST_OBSERVER, system.radius) if system.radius < 1.0 - 1.0 / len(runs[0].y) else SLOWEST_OBSERVER
-        start = next((one for one in _observed(system) if one.predictor().radius <= min(slowest, 1.0 - 1e-6)), None)
+        start = next((one for one in _observed(system) if one.predictor().radius <= min(slowest, INSIDE)), None)
         if start is None or not runs:
             return start or min(_observed(system), key=lambda one: one.predictor().radius)
         # K enters the predictor through A - KC, B - KD and K.
         k = np.eye(n * p).reshape(n, p, n * p)
         change = np.einsum("npk,pj->njk", k, -system.block[n:])
-        ways = Directions(S=np.pad(np.concatenate([change, k], axis=1), ((0, p), (0, 0), (0, 0))))
+        ways = np.pad(np.concatenate([change, k], axis=1), ((0, p), (0, 0), (0, 0)))
         return Affine.of_predictor(refit(start.predictor(), runs, lambda _: ways, ceiling=slowest))
 
 

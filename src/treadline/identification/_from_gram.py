@@ -14,7 +14,14 @@ import numpy as np
 
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification._affine import to_model
-from treadline.identification._checks import channel_names, check_excitation, check_independent, check_integers, check_records
+from treadline.identification._checks import (
+    channel_names,
+    check_alike,
+    check_excitation,
+    check_independent,
+    check_integers,
+    units_of_moving,
+)
 from treadline.identification._deconvolution import observer_of
 from treadline.identification._ensemble import candidates_of, ensemble
 from treadline.identification._fitting import Evidence, FittedSystem, Fitting
@@ -133,8 +140,9 @@ def _exact(fitting: Fitting, evidence: Evidence, options: IdentificationOptions,
     An observer predicts smooth data a step ahead almost without error, whatever its model is worth.
     """
     found = _by_okid(fitting, evidence, options, warnings)
-    values = sum(int(item.there.sum()) * item.y.shape[1] for item in fitting.experiments)
-    return found if cost(found.system, fitting.experiments) < EXACT_RUN * values else None
+    experiments = fitting.experiments
+    values = sum(int(item.there.sum()) * item.y.shape[1] for item in experiments)
+    return found if cost(found.system, experiments) < EXACT_RUN * values else None
 
 
 def _order(evidence: Evidence, options: IdentificationOptions, warnings: list[str]) -> OrderChoice:
@@ -237,5 +245,5 @@ def pbsid(
 def _sums(records: InputOutputRecord | Sequence[InputOutputRecord], lags: int, order: int | None, solver: str) -> Gram:
     check_integers(order=order, lags=lags)
     given = [records] if isinstance(records, InputOutputRecord) else list(records)
-    units = check_records(given)
-    return gram_of(given, max_supported_lags(given, lags, order), units, solver=solver)
+    check_alike(given)
+    return gram_of(given, max_supported_lags(given, lags, order), units_of_moving(given), solver=solver)

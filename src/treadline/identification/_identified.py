@@ -34,6 +34,7 @@ from treadline.identification._intervals import MEMORY_PER_LAG, ConfidenceInterv
 from treadline.identification._limits import HALF, RECENT, ROUNDING
 from treadline.identification._model_order import gap_at
 from treadline.identification._operating_points import second_operating_point
+from treadline.identification._refine import predictors_of
 from treadline.identification._threads import one_thread
 from treadline.identification._turn_fit import (
     Contradiction,
@@ -374,7 +375,7 @@ class Identified(Printable):
             data = fitting.with_more_lags((1 + MEMORY_PER_LAG) * found.lags)
             return of_observer(found.evidence.observer, found.evidence.svd, found.system, units, data)
         if found.step == "subspace" and found.system.K is not None:
-            runs = fitting.predictors(4 * found.order + 4)
+            runs = predictors_of(fitting.experiments, 4 * found.order + 4)
             if not runs:
                 return None
             # The Gram matrix of a stream or a prior covers more samples than are kept in memory.

@@ -74,7 +74,7 @@ class ConfidenceIntervals:
 
     def narrowed(self, share: float) -> "ConfidenceIntervals":
         """Return the intervals of a model fitted to more data, of which these cover the given share."""
-        return replace(self, ways=Directions(S=np.sqrt(share) * self.ways.S))
+        return replace(self, ways=np.sqrt(share) * self.ways)
 
     def through(self, mixing: Float[np.ndarray, "m v"], units: Units) -> "ConfidenceIntervals":
         """Return the intervals after a change of inputs u = mixing·v, both in standard deviations.
@@ -85,8 +85,8 @@ class ConfidenceIntervals:
         """
         # States and the constant stay as they are.
         turn = block_diag(np.eye(self.system.order), mixing, np.eye(1))
-        ways = np.einsum("acd,cb->abd", self.ways.S, turn)
-        return ConfidenceIntervals(system=self.system.with_block(self.system.block @ turn), ways=Directions(S=ways), units=units)
+        ways = np.einsum("acd,cb->abd", self.ways, turn)
+        return ConfidenceIntervals(system=self.system.with_block(self.system.block @ turn), ways=ways, units=units)
 
     def pole_radii(self) -> Float[np.ndarray, " n"]:
         """Return the radius of the disc about each pole that contains the true pole with 95 % probability.
@@ -96,7 +96,7 @@ class ConfidenceIntervals:
         """
         _, V = np.linalg.eig(self.system.A)
         W = np.linalg.inv(V)
-        moves = np.einsum("in,nmk,mi->ik", W, self.ways.S[: len(V), : len(V)], V, optimize=True)
+        moves = np.einsum("in,nmk,mi->ik", W, self.ways[: len(V), : len(V)], V, optimize=True)
         parts = np.stack([moves.real, moves.imag], axis=1)
         S = parts @ parts.transpose(0, 2, 1)
         mean, square = np.trace(S, axis1=1, axis2=2), np.einsum("iab,iba->i", S, S)
@@ -110,7 +110,7 @@ class ConfidenceIntervals:
         for j in range(m):
             u = np.zeros((steps, system.B.shape[1]))
             u[0, j] = 1.0
-            found[:, :, j] = np.linalg.norm(tangents(system.block, self.ways.S, u), axis=2)
+            found[:, :, j] = np.linalg.norm(tangents(system.block, self.ways, u), axis=2)
         return found * self._gain_units()
 
     def frequency(self, omega: Float[np.ndarray, " w"]) -> Float[np.ndarray, "w p m"]:
@@ -125,7 +125,7 @@ class ConfidenceIntervals:
             Phi = np.linalg.inv(np.exp(1j * frequency) * np.eye(n) - s.A)
             left, right = np.hstack([s.C @ Phi, np.eye(p)]), np.vstack([Phi @ s.B[:, :m], np.eye(m)])
             G = s.C @ right[:n] + s.D[:, :m]
-            change = np.einsum("pn,nmk,mj->pjk", left, self.ways.S[:, : n + m], right, optimize=True)
+            change = np.einsum("pn,nmk,mj->pjk", left, self.ways[:, : n + m], right, optimize=True)
             along = np.conj(G) / np.maximum(np.abs(G), 1e-300)
             std[at] = np.linalg.norm((along[:, :, None] * change).real, axis=2)
         return std * self._gain_units()
@@ -157,7 +157,7 @@ def of_observer(observer: ObserverMarkov, svd: HankelSvd, system: Affine, units:
         into_outputs = np.concatenate([right.T @ H[:p], Y[0]], axis=1)
         parts.append(np.concatenate([into_states, into_outputs]))
     ways = np.pad(np.concatenate(parts, axis=2), ((0, 0), (0, 1), (0, 0)))  # the constant stays as it is
-    return ConfidenceIntervals(system=system, ways=Directions(S=ways), units=units)
+    return ConfidenceIntervals(system=system, ways=ways, units=units)
 
 
 def _coefficient_changes(observer: ObserverMarkov, data: Gram) -> Float[np.ndarray, "q p k"]:
@@ -234,10 +234,10 @@ def of_predicting(
     w = _spread(system.predictor(), experiments, np.hstack([fixed, np.ones((p, p), dtype=bool)]))
     if w is None or K is None:
         return None
-    own, dK = w.S[:, :-p], w.S[:n, -p:]
+    own, dK = w[:, :-p], w[:n, -p:]
     # A and B of the model are those of its predictor, and K [C, D].
     back = np.einsum("npk,pm->nmk", dK, system.block[n:]) + np.einsum("np,pmk->nmk", K, own[n:])
-    return ConfidenceIntervals(system=system, ways=Directions(S=own + np.pad(back, ((0, p), (0, 0), (0, 0)))), units=units)
+    return ConfidenceIntervals(system=system, ways=own + np.pad(back, ((0, p), (0, 0), (0, 0))), units=units)
 
 
 def _spread(system: Affine, experiments: Sequence[Experiment], fixed: Bool[np.ndarray, "p m1"]) -> Directions | None:
@@ -249,7 +249,7 @@ def _spread(system: Affine, experiments: Sequence[Experiment], fixed: Bool[np.nd
     if (system.order + p) * (system.order + system.B.shape[1]) > MATRIX_ENTRIES_MOST:
         return None
     ways = directions(system, fixed)
-    d = ways.S.shape[2]
+    d = ways.shape[2]
     total, rows = sum(len(item.y) for item in experiments), ENTRIES_MOST // (p * d)
     shares = [max(rows * len(item.y) // max(total, rows), 1) for item in experiments]
     kept = [item.part(max(len(item.y) - share, 0), len(item.y)) for item, share in zip(experiments, shares, strict=True)]
@@ -257,7 +257,7 @@ def _spread(system: Affine, experiments: Sequence[Experiment], fixed: Bool[np.nd
     if seen * p <= 2 * d:
         return None
     scale = total / max(sum(len(item.y) for item in kept), 1)
-    return ways.along(_root(covariance_of([jacobian(system, item, ways) for item in kept], p, seen) / scale))
+    return np.asarray(ways @ _root(covariance_of([jacobian(system, item, ways) for item in kept], p, seen) / scale))
 
 
 def covariance_of(pairs: Sequence[Linearisation], p: int, seen: int) -> Float[np.ndarray, "d d"]:

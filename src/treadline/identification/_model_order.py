@@ -139,11 +139,9 @@ def bic_order(data: Gram, states: StateMap, lags: int, *, feedthrough: bool, all
     """
     m, p = data.units.input_count, len(data.units.scale) - data.units.input_count
     most = min(LAGS_MOST if allowed is None else max(allowed), len(states.s))
-    residual_ss = innovations(data, states, most, lags, feedthrough=feedthrough)
-    floor = 1e-20 * p  # residuals below rounding count as equal
-    values = np.maximum(np.linalg.eigvalsh(0.5 * (residual_ss + residual_ss.transpose(0, 2, 1))), floor)
+    deviances = _deviances(data, innovations(data, states, most, lags, feedthrough=feedthrough))
     # Number of parameters of A, B, C and K in canonical form: 2p + m per state; the rest does not depend on the order.
-    costs = data.count * np.log(values).sum(axis=1) + np.arange(1, most + 1) * (2 * p + m) * np.log(data.count)
+    costs = deviances + np.arange(1, most + 1) * (2 * p + m) * np.log(data.count)
     if allowed is not None and min(allowed) > most:
         return min(allowed)
     open_to_choice = np.isin(np.arange(1, most + 1), range(1, most + 1) if allowed is None else allowed)

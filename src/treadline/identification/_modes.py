@@ -11,14 +11,13 @@ import numpy as np
 from jaxtyping import Bool, Float, Num
 
 from treadline.core.arrays import store_contiguous
+from treadline.core.transfer_function import GROWTH_MOST
 from treadline.identification._affine import Affine
 from treadline.identification._factor import inverse, solved
 from treadline.identification._recursion_kernels import pole_filters
 
 ILL_CONDITIONED = 1e5
 """Condition number of the eigenvectors above which modal coordinates lose too many digits (nearly equal poles)."""
-GROWTH = 1e3
-"""Growth of a mode over a record above which the mode dominates the free run."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -79,7 +78,7 @@ def with_inputs_again(system: Affine, experiments: Sequence[Experiment], fixed: 
         fixed: Mask of the entries of D that stay zero.
     """
     longest = max(len(item.y) for item in experiments)
-    if not np.isfinite(system.A).all() or longest * np.log(system.radius) > np.log(GROWTH):
+    if not np.isfinite(system.A).all() or longest * np.log(system.radius) > np.log(GROWTH_MOST):
         return system
     if not np.linalg.cond(system.eigen[1], "fro") < ILL_CONDITIONED:
         return system

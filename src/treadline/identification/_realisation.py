@@ -126,7 +126,7 @@ def state_map(data: Gram, lags: int, theta: Float[np.ndarray, "q p"]) -> StateMa
 
 
 def innovations(data: Gram, states: StateMap, most: int, lags: int, *, feedthrough: bool) -> Float[np.ndarray, "n p p"]:
-    """Return the innovation covariance for orders 1, 2, … ``most``: the residual of y_k after regression on [x_k, u_k, 1]."""
+    """Return the innovations' sums of products for orders 1, 2, … ``most``: residuals of y_k after regression on [x_k, u_k, 1]."""
     m, r = data.units.input_count, len(data.units.scale)
     now = np.eye(1 + r)[: 1 + m if feedthrough else 1]
     rows = np.zeros((len(now) + most + r - m, 1 + r * (lags + 1)))
@@ -139,7 +139,7 @@ def innovations(data: Gram, states: StateMap, most: int, lags: int, *, feedthrou
     L = np.linalg.cholesky(sums[:q, :q] + 1e-13 * np.diag(np.diag(sums)[:q]))
     explained = np.linalg.solve(L, sums[:q, q:])
     residual_ss = sums[q:, q:] - np.cumsum(explained[:, :, None] * explained[:, None, :], axis=0)
-    return np.asarray(residual_ss[len(now) :] / data.count)
+    return np.asarray(residual_ss[len(now) :])
 
 
 def pbsid(data: Gram, states: StateMap, order: int, lags: int, *, feedthrough: bool) -> Affine:

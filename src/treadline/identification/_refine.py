@@ -8,13 +8,12 @@ is the output error of its predictor with the outputs as additional inputs, so o
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from treadline.core.arrays import observability, store_contiguous
+from treadline.core.arrays import observability
 from treadline.core.linear_system_kernels import free_run
 from treadline.core.linear_systems import prefix
 from treadline.core.models import InputOutputRecord
@@ -43,22 +42,8 @@ all (Levenberg), so that the step does not depend on the basis.
 """
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Directions:
-    """Changes of the system matrix [[A, B], [C, D]] per unit of each of d parameters."""
-
-    S: Float[np.ndarray, "n_and_p n_and_m1 d"]
-
-    def __post_init__(self) -> None:
-        store_contiguous(self)
-
-    def along(self, root: Float[np.ndarray, "d k"]) -> "Directions":
-        """Return the changes along each column of ``root``."""
-        return Directions(S=self.S @ root)
-
-    def moved(self, system: Affine, step: Float[np.ndarray, " d"]) -> Affine:
-        """Return the system after a step along the directions."""
-        return system.with_block(system.block + self.S @ step)
+Directions = Float[np.ndarray, "n_and_p n_and_m1 d"]
+"""Changes of the system matrix [[A, B], [C, D]] per unit of each of d parameters."""
 
 
 def experiments_of(records: Sequence[InputOutputRecord], units: Units) -> list[Experiment]:
@@ -66,14 +51,15 @@ def experiments_of(records: Sequence[InputOutputRecord], units: Units) -> list[E
     made = []
     m = units.input_count
     for record in records:
-        u, y = (record.u - units.shift[:m]) / units.input_scale, (record.y - units.shift[m:]) / units.output_scale
+        # In place, because temporary arrays of a long record are as large as the record.
+        u, y = np.ones((len(record), m + 1)), record.y - units.shift[m:]
+        np.subtract(record.u, units.shift[:m], out=u[:, :m])
+        u[:, :m] /= units.input_scale
+        y /= units.output_scale
         there = np.isfinite(y).all(axis=1)
-        whole = Experiment(
-            u=np.column_stack([u, np.ones(len(u))]),
-            y=y if there.all() else np.where(there[:, None], y, 0.0),
-            there=there,
-        )
-        known = np.isfinite(u).all(axis=1)
+        y[~there] = 0.0
+        whole = Experiment(u=u, y=y, there=there)
+        known = np.asarray(np.isfinite(u).all(axis=1))
         made += [whole] if known.all() else [whole.part(*run) for run in runs_of(known)]
     return made
 
@@ -166,7 +152,7 @@ def refit(
         ways = ways_from(now)
         square, right = normal_equations(now, experiments, ways)
         same = np.full(len(right), square.trace() / len(right))
-        return square, right, same, lambda step: bounded(ways.moved(now, step))
+        return square, right, same, lambda step: bounded(now.with_block(now.block + ways @ step))
 
     return descended(system, allowed_cost, linearised, enough=CHANCE / rows)
 
@@ -226,7 +212,7 @@ def jacobian(
     u = np.vstack([np.zeros((1, experiment.u.shape[1])), experiment.u])
     u = np.column_stack([u, np.eye(1, len(u))[0]])
     start = np.concatenate([x0, np.zeros(len(system.C))])
-    S, dS = np.column_stack([system.block, start]), np.pad(ways.S, ((0, 0), (0, 1), (0, 0)))
+    S, dS = np.column_stack([system.block, start]), np.pad(ways, ((0, 0), (0, 1), (0, 0)))
     J = tangents(S, dS, u)[1:]
     J[~experiment.there] = 0.0
     flat = J.reshape(-1, dS.shape[2])
@@ -247,7 +233,7 @@ def directions(system: Affine, fixed: Bool[np.ndarray, "p m1"]) -> Directions:
     gauge = np.concatenate([turn.reshape(S.size, n * n), shift.reshape(S.size, n)], axis=1)[free]
     ways = np.zeros((S.size, len(free) - n * n - n))
     ways[free] = np.linalg.qr(gauge, mode="complete")[0][:, n * n + n :]
-    return Directions(S=ways.reshape(*S.shape, -1))
+    return ways.reshape(*S.shape, -1)
 
 
 def _lasting(system: Affine, steps: int) -> int:

@@ -11,7 +11,7 @@ import numpy as np
 from treadline.core.errors import PoorExcitation, SettingsError
 from treadline.core.linear_systems import most_recent
 from treadline.core.models import InputOutputRecord
-from treadline.identification._checks import channel_names, check_alike, check_gaps, check_records, gaps_in
+from treadline.identification._checks import channel_names, check_alike, check_gaps, gaps_in, units_of_moving
 from treadline.identification._drive_log import DriveLog
 from treadline.identification._from_gram import from_gram
 from treadline.identification._gram import GramBuilder, Units
@@ -119,7 +119,7 @@ def _start(chunks: Iterator[_Chunk], lags: int | None, order: int | None) -> tup
         records = reduce(_with, waiting, list[InputOutputRecord]())
         try:
             supported = max_supported_lags(records, lags, order)
-            found = check_records(records, parts=True), supported
+            found = units_of_moving(records), supported
         except PoorExcitation as error:
             rejection = error
         samples = sum(len(item.record) for item in waiting)
