@@ -198,7 +198,12 @@ def _sections(
         _, gauge_m, width_m = _lanes(pair.pulleys)
         yield "gauge_m", gauge_m, ""
         yield "width_m", width_m, ""
-        angle_deg, comment = answer("angle of the rear flippers on a drive [deg]", 0.0, "in line with the belts")
+        up_rad = math.atan2(end[2] - start[2], abs(end[0] - start[0])) + math.asin((radii[0] - radii[1]) / math.dist(start, end))
+        low_deg, high_deg, _ = _range(pair, 0.0)
+        in_line_deg = min(max(-math.degrees(up_rad), low_deg), high_deg)
+        angle_deg, comment = answer(
+            "angle of the rear flippers on a drive [deg]", in_line_deg, "their lower side in line with that of the belts"
+        )
         yield "angle_deg", angle_deg, comment
         yield from _joint(pair, 0.0, float(origin_m[1]), answer)
 
