@@ -336,5 +336,5 @@ def _camera(front_m: float, answer: Answer) -> Iterator[Line]:
     for table, sign, turn in (("camera", 1.0, 0.0), ("rear_camera", -1.0, 180.0)):
         yield f"[{table}]", None, ""
         yield "position_m", [sign * front_m, 0.0, height_m], mark
-        yield "pitch_deg", 35.0, f"{MARK}check says which pitches see the stair"
+        yield "pitch_deg", 25.0, f"{MARK}check says which pitches see the stair"
         yield "yaw_deg", turn, ""

@@ -151,9 +151,15 @@ def track_on_stair_m(chair: ChairDescription) -> float:
 
 def bearing_m(chair: ChairDescription) -> float:
     """Return the length between the first and the last axis of the sections that bear in line with the flat run [m]."""
+    rear_m, front_m = bearing_ends_m(chair)
+    return front_m - rear_m
+
+
+def bearing_ends_m(chair: ChairDescription) -> tuple[float, float]:
+    """Return the places of the first and the last axis of the sections that bear in line with the flat run, along B's x [m]."""
     places = []
     for section in sections(chair):
         axes = section.start_m, section.end_m(0.0)
         if not section.follows and all(abs(z - r) < IN_LINE_M for (_, z), r in zip(axes, section.radii_m, strict=True)):
             places += [x for x, _ in axes]
-    return max(places) - min(places)
+    return min(places), max(places)
