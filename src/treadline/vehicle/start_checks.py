@@ -19,15 +19,12 @@ from treadline.scenario.chair import ChairDescription, Tracks
 from treadline.scenario.scenario import Scenario
 from treadline.vehicle._start_view import StartView
 from treadline.vehicle.bodies import Vehicle, flipper_turns, vehicle
-from treadline.vehicle.rest_poses import rest_chair
 from treadline.vehicle.stair_solids import Box, stair_boxes, stair_solids
 from treadline.vehicle.staircase import Staircase, as_designed
 from treadline.vehicle.start_pose import CLEARANCE_M, LANDING_LEAST_M, Standing, from_edge_m, length_m, rounded_off_m, standing
 
 HEADROOM_M = 2.0
 """Least height between two flights [m]: the headroom over stairs in the UK's Approved Document K."""
-PLACES = 101
-"""Number of places from the slope to the landing at which a chair is set down: as far apart as those of a way, or nearer."""
 SUNK_M = 0.01
 """Largest accepted penetration of a part into floor or stair at the start [m]: settling before t = 0 removes it."""
 PARTS = {"hull": "the hull", "payload": "the passenger", "nose": "the tip of the flipper", "approach": "the flipper"}
@@ -156,7 +153,11 @@ def _cannot_come_down(scenario: Scenario, chair: ChairDescription) -> str | None
     lacking = [f"[{name}]" for name, part in parts.items() if part is None]
     if scenario.drive.direction == "up" or not lacking:
         return None
-    falls = "" if chair.flipper is not None else f": {_falls_at_the_edge(scenario, chair)}"
+    falls = ""
+    if chair.flipper is None:
+        from treadline.vehicle.edge_fall import falls_at_the_edge  # few vehicles have no flipper
+
+        falls = f": {falls_at_the_edge(scenario, chair)}"
     return f"chair '{chair.name}' lacks {' and '.join(lacking)}, and comes down no stair; give chair.model = 'wheelchair'{falls}"
 
 
@@ -164,34 +165,10 @@ def _cannot_mount(scenario: Scenario, chair: ChairDescription) -> str | None:
     """Return that a chair without flippers only drives along a flight: over a crest it would fall, and so it does not mount."""
     if chair.flipper is not None or scenario.start.place != "floor" or scenario.control.loop == "open":
         return None
-    falls = _falls_at_the_edge(scenario, chair)
+    from treadline.vehicle.edge_fall import falls_at_the_edge  # few vehicles have no flipper
+
+    falls = falls_at_the_edge(scenario, chair)
     return f"chair '{chair.name}' lacks [flipper], and can only drive along a flight; give start.place = 'flight': {falls}"
-
-
-def _falls_at_the_edge(scenario: Scenario, chair: ChairDescription) -> str:
-    """Return how far a chair without flippers falls over the edge of a plane as steep as the flight, and what would carry it.
-
-    A flipper square to the belts is long enough if it reaches the landing as the centre of mass passes the edge.
-    """
-    load, slope_rad = scenario.chair.entered, scenario.stair.slope_rad
-    loaded = rest_chair(chair, load.payload_kg, offset_m=chair.in_chair(load.payload_offset_m), seat_shift_m=load.seat_shift_m)
-    half_m, fixed = 0.5 * chair.tracks.flat_run_m, (chair.tracks.approach_angle_deg * DEG,)
-    far_m = 10.0 * half_m
-    edge = np.array([[-far_m, -far_m * math.tan(slope_rad), 0.0], [0.0, 0.0, 0.0], [far_m, 0.0, 0.0]])
-    pose = loaded.at(edge, -2.0 * half_m, fixed, slope_rad)
-    ahead, above = pose.com_m[0] - pose.x_m, pose.com_m[1] - pose.height_m
-    falls = []
-    for x_m in np.linspace(-2.0, 2.0, PLACES).tolist():
-        pose, fall = loaded.moved(edge, pose, x_m * half_m, fixed)
-        falls.append(0.0 if fall is None else fall.angle_rad / DEG)
-    along_m, up_m = (
-        ahead * math.cos(slope_rad) + above * math.sin(slope_rad),
-        above * math.cos(slope_rad) - ahead * math.sin(slope_rad),
-    )
-    reach_m = (half_m - along_m + up_m * math.tan(slope_rad)) * math.tan(slope_rad)
-    return (
-        f"over the edge it would fall by {max(falls):.0f}°, and a flipper of {reach_m:.2f} m that turns down to -90° would carry it"
-    )
 
 
 def _outside_the_flight(scenario: Scenario, tracks: Tracks) -> str | None:
