@@ -143,8 +143,7 @@ def nosing_stance(
     Raises:
         MechanicsError: If the chair tips over in one of them.
     """
-    ends_m = bearing_ends_m(chair)
-    contacts = [nosing_contacts(chair.tracks, pitch_m, heading_rad, phase, ends_m) for phase in phases]
+    contacts = [nosing_contacts(chair.tracks, pitch_m, heading_rad, phase, bearing_ends_m(chair)) for phase in phases]
     return _stance(centre, contacts, slope_rad, heading_rad)
 
 

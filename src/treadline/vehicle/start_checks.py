@@ -167,11 +167,9 @@ def _cannot_mount(scenario: Scenario, chair: ChairDescription) -> str | None:
 
 def _fall(scenario: Scenario, chair: ChairDescription) -> str:
     """Return in words how a chair without flippers would fall; empty for one with them."""
-    if chair.flipper is not None:
-        return ""
     from treadline.vehicle.edge_fall import falls_at_the_edge  # few vehicles have no flipper
 
-    return f": {falls_at_the_edge(scenario, chair)}"
+    return "" if chair.flipper is not None else f": {falls_at_the_edge(scenario, chair)}"
 
 
 def _outside_the_flight(scenario: Scenario, tracks: Tracks) -> str | None:

@@ -146,13 +146,7 @@ def track_on_stair_m(chair: ChairDescription) -> float:
 
     A flipper always reaches that angle (its range includes 0°); a fixed section does only if it is built at 0°.
     """
-    return bearing_m(chair) + (0.0 if chair.flipper is None else chair.tracks.approach_m)
-
-
-def bearing_m(chair: ChairDescription) -> float:
-    """Return the length between the first and the last axis of the sections that bear in line with the flat run [m]."""
-    rear_m, front_m = bearing_ends_m(chair)
-    return front_m - rear_m
+    return float(np.ptp(bearing_ends_m(chair))) + (0.0 if chair.flipper is None else chair.tracks.approach_m)
 
 
 def bearing_ends_m(chair: ChairDescription) -> tuple[float, float]:
