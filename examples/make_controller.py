@@ -17,7 +17,7 @@ from treadline.run.excitation_run import PERIOD_S, excite
 from treadline.scenario.shipped_files import CONTROLLERS
 
 SEED, SAMPLES = 100, 1000
-PAYLOAD_KG = {"wheelchair": 50.0, "wheelchair-fixed": 50.0, "rescue": 3.0}
+PAYLOAD_KG = {"wheelchair": 50.0, "wheelchair-35": 50.0, "wheelchair-fixed": 50.0, "rescue": 3.0}
 """Table I's person; a camera head with a lamp and a radio."""
 
 vehicle = sys.argv[1] if len(sys.argv) > 1 else "wheelchair"

@@ -187,6 +187,26 @@ def test_what_a_flipper_cannot_have_is_named_in_its_file(run: Run, tmp_path: Pat
     assert f"# not written: in the file {remark}" in (tmp_path / "other.toml").read_text(encoding="utf-8")
 
 
+def test_what_the_belts_of_a_vehicle_cannot_have_is_named_in_its_file(run: Run, tmp_path: Path) -> None:
+    """Test: sprockets above the flat run, sides of unequal rates, a rear pair off the middle whose sections taper."""
+    high = "".join(LINK.format(name, 1, -0.2, y).replace(' 0" rpy', ' 0.1" rpy') + FIXED.format(name) for name, y in SPROCKETS)
+    rear = flipper("rear", x=-0.3).replace('xyz="0.3 ', 'xyz="-0.3 ').replace("0.3 0.2 0", "0.3 0.24 0")
+    sides = "".join(LINK.format(name, 2, 0.3, y) + TURNS.format(name, 0.3, "revolute", y) for name, y in FRONT)
+    text = HULL + WHEELS + high + rear.replace('radius="0.1"', 'radius="0.07"') + sides.replace('velocity="1"', 'velocity="2"', 1)
+    (tmp_path / "robot.urdf").write_text(f'<robot name="r">{text}</robot>')
+    outcome = run("import", tmp_path / "robot.urdf", "--yes", "--out", tmp_path / "robot.toml")
+    assert outcome.code == 0, outcome.err
+    written = (tmp_path / "robot.toml").read_text(encoding="utf-8")
+    assert "the faster side has 114.6" in written
+    assert "its middle is 0.0200 m left of the belts'" in written
+    assert "pulleys above the flat run" in written
+    (section,) = (section for section in read_chair(str(tmp_path / "robot.toml")).belt if section.name == "rear")
+    # The lower side of a section whose pulleys have 0.1 and 0.07 m, 0.3 m apart, is in line with the belts.
+    np.testing.assert_allclose(section.angle_deg, -np.degrees(np.arcsin(0.03 / 0.3)), atol=1e-6)
+
+
+SPROCKETS = (("left_sprocket", 0.2), ("right_sprocket", -0.2))
+FRONT = (("left_front_flipper", 0.2), ("right_front_flipper", -0.2))
 BAD = {
     "xacro": ('<robot name="r" xmlns:xacro="http://ros.org/wiki/xacro"/>', "run xacro first"),
     "no belts": (HULL, "has no belts: nothing round about y lies left or right of its middle; give --belts 'REGEX'"),
@@ -276,3 +296,6 @@ def test_answers_at_a_terminal_are_in_the_file(run: Run, tmp_path: Path, monkeyp
     chair = read_chair(str(tmp_path / "robot.toml"))
     assert (chair.tracks.pulley_radius_m, chair.tracks.belt_width_m, chair.tracks.flat_run_m) == (0.11, 0.06, 0.6)
     assert (chair.drives.max_speed_m_s, chair.drives.brake_hold_n, chair.camera.position_m[2]) == (0.9, 600.0, 0.7)
+    text = (tmp_path / "robot.toml").read_text(encoding="utf-8")
+    assert "radii_m = [0.11, 0.11]  # not in the file: answered at the import" in text
+    assert "width_m = 0.06  # not in the file: answered at the import" in text

@@ -21,7 +21,7 @@ from treadline.mission.traversal import Traversal
 from treadline.perception import DetectorConfig, StairDetector
 from treadline.perception.frame_quality import quality_of
 from treadline.perception.free_ground import ground_ahead
-from treadline.vehicle.tracks import bearing_m
+from treadline.vehicle.tracks import bearing_ends_m
 from treadline.vehicle.traction import NORMAL_SLIP, level_turn_share
 
 PERIODS_MISSED = 3
@@ -167,7 +167,7 @@ def guard_config(config: MissionConfig, period_s: float, *, driven: bool = True)
         front_m=chair.reach_m,
         rear_m=chair.rear_reach_m,
         gauge_m=tracks.gauge_m,
-        track_span_m=bearing_m(chair),
+        track_span_m=bearing_ends_m(chair)[1] - bearing_ends_m(chair)[0],
         level_turn_share=level_turn_share(chair, config.payload_kg),
         normal_slip=NORMAL_SLIP,
         awaits_ground=config.reports_ground,

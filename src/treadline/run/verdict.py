@@ -246,7 +246,9 @@ def _fault_of(walked: Walk) -> str | None:
     """Return the worst moment of a walk that does not end well, or not quietly, in words."""
     last, fastest = walked.strides[-1], walked.fastest
     if fastest.rate_rad_s >= QUIET_RAD_S:
-        return f"{_where(walked, fastest)} the chair would turn at {fastest.rate_rad_s / DEG:.0f}°/s, above {QUIET_RAD_S / DEG:g}"
+        why = f"{_where(walked, fastest)} the chair would turn at {fastest.rate_rad_s / DEG:.0f}°/s, above {QUIET_RAD_S / DEG:g}"
+        fallen_deg = 0.0 if fastest.fall is None else fastest.fall.angle_rad / DEG
+        return f"{why}, in a fall of {fallen_deg:.0f}°" if fallen_deg >= 1.0 else why
     front, rear = walked.least_front, walked.least_rear
     side, least, margin_rad = min(
         ("front", front, front.pose.front_margin_rad), ("rear", rear, rear.pose.rear_margin_rad), key=lambda item: item[2]

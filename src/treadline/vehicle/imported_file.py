@@ -49,7 +49,7 @@ def vehicle_file(file: str, name: str, links: Sequence[DescribedLink], belts: De
         value, source = answer(question, default, reason)
         return value, f"{MARK}{source}"
 
-    sized = _with_sizes(belts, marked)
+    sized, asked = _with_sizes(belts, marked)
     rear, front, remark = _flat_run(file, sized)
     middle_m = 0.5 * (rear.centre_m + front.centre_m)
     origin_m = np.array([middle_m[0], _across(sized)[0], front.centre_m[2] - front.half_m[0]])
@@ -61,7 +61,7 @@ def vehicle_file(file: str, name: str, links: Sequence[DescribedLink], belts: De
     lines += _sections(file, sized, (rear, front), origin_m, remark, marked)
     lines += _drives(marked)
     lines += _camera(front.centre_m[0] - origin_m[0], marked)
-    return "\n".join([*head, *(_written(*line) for line in lines)]) + "\n"
+    return "\n".join([*head, *(_written(key, value, comment or asked(key, value)) for key, value, comment in lines)]) + "\n"
 
 
 def _written(key: str, value: Any, comment: str) -> str:
@@ -85,19 +85,25 @@ def _slug(name: str) -> str:
     return words if words[:1].isalpha() else f"robot_{words}".rstrip("_")
 
 
-def _with_sizes(belts: DescribedBelts, answer: Answer) -> DescribedBelts:
-    """Return belts whose pulleys all have a radius and a width."""
+def _with_sizes(belts: DescribedBelts, answer: Answer) -> tuple[DescribedBelts, Callable[[str, Any], str]]:
+    """Return belts whose pulleys all have a radius and a width, and the comment of a line with one that was asked."""
     known = [pulley.half_m for pulley in (*belts.pulleys, *(one for pair in belts.flippers for one in pair.pulleys))]
-    asked = np.array([math.nan] * 3)
-    if np.isnan(known).any():
-        asked[:2] = answer("radius of the pulleys with their belt [m]", 0.1, "a usual one")[0]
-        asked[2] = 0.5 * answer("width of a belt [m]", 0.08, "a usual one")[0]
+    if not np.isnan(known).any():
+        return belts, lambda _key, _value: ""
+    radius_m, of_radius = answer("radius of the pulleys with their belt [m]", 0.1, "a usual one")
+    width_m, of_width = answer("width of a belt [m]", 0.08, "a usual one")
+    asked = np.array([radius_m, radius_m, 0.5 * width_m])
 
     def whole(pulleys: Sequence[CollisionSolid]) -> list[CollisionSolid]:
         return [replace(pulley, half_m=np.where(np.isnan(pulley.half_m), asked, pulley.half_m)) for pulley in pulleys]
 
+    def comment(key: str, value: Any) -> str:
+        if key == "radii_m" and radius_m in value:
+            return of_radius
+        return of_width if key == "width_m" and value == width_m else ""
+
     pairs = [replace(pair, pulleys=whole(pair.pulleys)) for pair in belts.flippers]
-    return replace(belts, pulleys=whole(belts.pulleys), flippers=pairs)
+    return replace(belts, pulleys=whole(belts.pulleys), flippers=pairs), comment
 
 
 def _flat_run(file: str, belts: DescribedBelts) -> tuple[CollisionSolid, CollisionSolid, str]:
@@ -111,9 +117,12 @@ def _flat_run(file: str, belts: DescribedBelts) -> tuple[CollisionSolid, Collisi
     rear, front = (choose(bearing, key=lambda pulley: float(pulley.centre_m[0])) for choose in (min, max))
     if front.centre_m[0] - rear.centre_m[0] < SAME_M:
         raise SettingsError(f"{file}: its belts stand on one axis, that of '{front.name}'; name all belts with --belts 'REGEX'")
+    nose = max(belts.pulleys, key=lambda pulley: float(pulley.centre_m[0]), default=front)
+    above = [pulley.name or "unnamed" for pulley in belts.pulleys if pulley is not nose and pulley not in bearing]
+    parts = [f"pulleys above the flat run: {', '.join(dict.fromkeys(above))}"] if above else []
     if abs(front.half_m[0] - rear.half_m[0]) > SAME_M:
-        remark = f"in the file its rear pulley has {rear.half_m[0]:.4g} m"
-    return rear, front, remark
+        parts.append(f"its rear pulley has {rear.half_m[0]:.4g} m")
+    return rear, front, remark or _dropped(parts)
 
 
 def _first_pulley(pair: Flippers, pulleys: Sequence[CollisionSolid]) -> CollisionSolid:
@@ -195,10 +204,17 @@ def _sections(
         start, end = pair.axis_m - origin_m, pair.tip.centre_m - origin_m
         radii = [float(_first_pulley(pair, [*pair.pulleys, *belts.pulleys]).half_m[0]), float(pair.tip.half_m[0])]
         yield from _section(_slug(pair.links[0].name) or f"rear_{number}", start[::2], end[::2], radii, "")
-        _, gauge_m, width_m = _lanes(pair.pulleys)
-        yield "gauge_m", gauge_m, ""
+        middle_m, gauge_m, width_m = _lanes(pair.pulleys)
+        beside_m = middle_m - float(origin_m[1])
+        yield "gauge_m", gauge_m, _dropped([f"its middle is {beside_m:.4f} m left of the belts'"] if abs(beside_m) > SAME_M else [])
         yield "width_m", width_m, ""
-        angle_deg, comment = answer("angle of the rear flippers on a drive [deg]", 0.0, "in line with the belts")
+        length_m = math.dist(start[::2], end[::2])
+        up_rad = math.asin((end[2] - start[2]) / length_m) + math.asin((radii[0] - radii[1]) / length_m)
+        low_deg, high_deg, _ = _range(pair, 0.0)
+        in_line_deg = min(max(-math.degrees(up_rad), low_deg), high_deg)
+        angle_deg, comment = answer(
+            "angle of the rear flippers on a drive [deg]", in_line_deg, "their lower side in line with that of the belts"
+        )
         yield "angle_deg", angle_deg, comment
         yield from _joint(pair, 0.0, float(origin_m[1]), answer)
 
@@ -218,8 +234,8 @@ def _front_flipper(
     half_m, radius_m = axis_m
     x, _, z = pair.tip.centre_m - pair.axis_m
     radii = [radius_m, float(pair.tip.half_m[0])]
-    own = [*_lanes(pair.pulleys)[1:], float(_first_pulley(pair, pair.pulleys).half_m[0])]
-    words = zip(("gauge", "width", "first radius"), own, (*lanes[1:], radius_m), strict=True)
+    own = [*_lanes(pair.pulleys), float(_first_pulley(pair, pair.pulleys).half_m[0])]
+    words = zip(("middle", "gauge", "width", "first radius"), own, (*lanes, radius_m), strict=True)
     remark = _dropped([f"its {word} is {own_m:.4g} m" for word, own_m, belts_m in words if abs(own_m - belts_m) > SAME_M])
     yield from _section("front", [half_m, radius_m], [half_m + math.hypot(x, z), radius_m], radii, remark)
     zero_rad = math.atan2(z, x)
@@ -261,7 +277,7 @@ def _joint(pair: Flippers, zero_rad: float, middle_m: float, answer: Answer) -> 
     yield "[belt.flipper]", None, ""
     yield "range_deg", [low_deg, high_deg], remark
     yield "torque_n_m", torque_n_m, asked
-    yield "max_rate_deg_s", math.degrees(min(rates)) if rates else 30.0, "" if rates else f"{MARK}that of the shipped chairs"
+    yield "max_rate_deg_s", math.degrees(min(rates, default=math.radians(30.0))), _of_rates(rates)
     yield "lost_damping_n_m_s_rad", 50.0, f"{MARK}a dead motor, as in the shipped chairs"
     yield "mass_kg", mass_kg, ""
     places = [(beside_m, "above that line"), (com_m[1] - middle_m, "left of the middle")]
@@ -274,6 +290,14 @@ def _joint(pair: Flippers, zero_rad: float, middle_m: float, answer: Answer) -> 
     products = along[(0, 0, 1), (1, 2, 2)]
     are_some = np.abs(products).max() > ROUNDING * np.trace(along)
     yield "inertia_kg_m2", np.diag(along), _dropped([f"its products xy, xz, yz of {_toml(products)}"] if are_some else [])
+
+
+def _of_rates(rates_rad_s: Sequence[float]) -> str:
+    """Return the comment of the rate of a pair: the slower of both sides."""
+    if not rates_rad_s:
+        return f"{MARK}that of the shipped chairs"
+    fast_deg_s = math.degrees(max(rates_rad_s))
+    return _dropped([f"the faster side has {fast_deg_s:.4g}"] if max(rates_rad_s) > min(rates_rad_s) else [])
 
 
 def _dropped(parts: Sequence[str]) -> str:
@@ -312,5 +336,5 @@ def _camera(front_m: float, answer: Answer) -> Iterator[Line]:
     for table, sign, turn in (("camera", 1.0, 0.0), ("rear_camera", -1.0, 180.0)):
         yield f"[{table}]", None, ""
         yield "position_m", [sign * front_m, 0.0, height_m], mark
-        yield "pitch_deg", 35.0, f"{MARK}check says which pitches see the stair"
+        yield "pitch_deg", 25.0, f"{MARK}check says which pitches see the stair"
         yield "yaw_deg", turn, ""

@@ -26,7 +26,7 @@ from jaxtyping import Bool, Float
 from treadline.core.errors import MechanicsError
 from treadline.core.rotations import Vector3
 from treadline.scenario.chair import ChairDescription, Tracks
-from treadline.vehicle.tracks import road_wheels
+from treadline.vehicle.tracks import bearing_ends_m, road_wheels
 
 ROUNDING = np.geomspace(1e-1, 1e-8, 8)
 """Rounding of the kink at zero slip, relative to the faster belt's speed; a sticking contact creeps at about the last value."""
@@ -64,11 +64,14 @@ class Stance:
         return self.y_m > 0.0
 
 
-def nosing_contacts(tracks: Tracks, pitch_m: float, heading_rad: float, phase: float) -> Float[np.ndarray, "n 2"]:
+def nosing_contacts(
+    tracks: Tracks, pitch_m: float, heading_rad: float, phase: float, ends_m: tuple[float, float] | None = None
+) -> Float[np.ndarray, "n 2"]:
     """Return the intersections of the two edges of each belt with the nosing lines within the flat run.
 
     Args:
         phase: Distance of a nosing ahead of B's origin, up the slope, in pitches.
+        ends_m: Rear and front end of what bears in line with the flat run [m]; None: the flat run alone.
 
     Raises:
         MechanicsError: If the pitch is not positive, or the belts are parallel to the nosings.
@@ -81,12 +84,13 @@ def nosing_contacts(tracks: Tracks, pitch_m: float, heading_rad: float, phase: f
         )
     half_m, c, s = 0.5 * tracks.flat_run_m, math.cos(heading_rad), math.sin(heading_rad)
     edges_m = _edges(tracks)
-    reach = math.ceil((half_m * c + edges_m.max() * abs(s)) / pitch_m) + 1
+    rear_m, front_m = ends_m or (-half_m, half_m)
+    reach = math.ceil((max(-rear_m, front_m) * c + edges_m.max() * abs(s)) / pitch_m) + 1
     lines_m = (np.arange(-reach, reach + 1) + phase) * pitch_m
     # Points (x, y) of the line at distance d up the slope: x cos ψ - y sin ψ = d.
     x = (lines_m[None, :] + edges_m[:, None] * s) / c
     points = np.stack([x, np.broadcast_to(edges_m[:, None], x.shape)], axis=-1)
-    return points[np.abs(x) <= half_m]
+    return points[(rear_m <= x) & (x <= front_m)]
 
 
 def contact_loads(
@@ -139,7 +143,7 @@ def nosing_stance(
     Raises:
         MechanicsError: If the chair tips over in one of them.
     """
-    contacts = [nosing_contacts(chair.tracks, pitch_m, heading_rad, phase) for phase in phases]
+    contacts = [nosing_contacts(chair.tracks, pitch_m, heading_rad, phase, bearing_ends_m(chair)) for phase in phases]
     return _stance(centre, contacts, slope_rad, heading_rad)
 
 

@@ -153,14 +153,23 @@ def _cannot_come_down(scenario: Scenario, chair: ChairDescription) -> str | None
     lacking = [f"[{name}]" for name, part in parts.items() if part is None]
     if scenario.drive.direction == "up" or not lacking:
         return None
-    return f"chair '{chair.name}' lacks {' and '.join(lacking)}, and comes down no stair; give chair.model = 'wheelchair'"
+    reason = f"chair '{chair.name}' lacks {' and '.join(lacking)}, and comes down no stair; give chair.model = 'wheelchair'"
+    return reason + _fall(scenario, chair)
 
 
 def _cannot_mount(scenario: Scenario, chair: ChairDescription) -> str | None:
     """Return that a chair without flippers only drives along a flight: over a crest it would fall, and so it does not mount."""
     if chair.flipper is not None or scenario.start.place != "floor" or scenario.control.loop == "open":
         return None
-    return f"chair '{chair.name}' lacks [flipper], and can only drive along a flight; give start.place = 'flight'"
+    reason = f"chair '{chair.name}' lacks [flipper], and can only drive along a flight; give start.place = 'flight'"
+    return reason + _fall(scenario, chair)
+
+
+def _fall(scenario: Scenario, chair: ChairDescription) -> str:
+    """Return in words how a chair without flippers would fall; empty for one with them."""
+    from treadline.vehicle.edge_fall import falls_at_the_edge  # few vehicles have no flipper
+
+    return "" if chair.flipper is not None else f": {falls_at_the_edge(scenario, chair)}"
 
 
 def _outside_the_flight(scenario: Scenario, tracks: Tracks) -> str | None:

@@ -146,14 +146,14 @@ def track_on_stair_m(chair: ChairDescription) -> float:
 
     A flipper always reaches that angle (its range includes 0°); a fixed section does only if it is built at 0°.
     """
-    return bearing_m(chair) + (0.0 if chair.flipper is None else chair.tracks.approach_m)
+    return float(np.ptp(bearing_ends_m(chair))) + (0.0 if chair.flipper is None else chair.tracks.approach_m)
 
 
-def bearing_m(chair: ChairDescription) -> float:
-    """Return the length between the first and the last axis of the sections that bear in line with the flat run [m]."""
+def bearing_ends_m(chair: ChairDescription) -> tuple[float, float]:
+    """Return the places of the first and the last axis of the sections that bear in line with the flat run, along B's x [m]."""
     places = []
     for section in sections(chair):
         axes = section.start_m, section.end_m(0.0)
         if not section.follows and all(abs(z - r) < IN_LINE_M for (_, z), r in zip(axes, section.radii_m, strict=True)):
             places += [x for x, _ in axes]
-    return max(places) - min(places)
+    return min(places), max(places)
