@@ -47,7 +47,7 @@ class StairView:
     def markers(self, t_s: float) -> on.StairMarkers:
         """Return the markers of what is not older than ``MEMORY_S``."""
         markers: list[Marker | None] = []
-        stair, ground, plan = (self._recent(kind, t_s) for kind in (StairMap, FreeGround, MotionPlan))
+        stair, ground, plan = self._recent(StairMap, t_s), self._recent(FreeGround, t_s), self._recent(MotionPlan, t_s)
         estimate, guard = self._newest.get(HeadingEstimate), self._newest.get(on.GuardState)
         if estimate is not None:
             markers += [] if stair is None else stair_markers(stair, estimate.heading_rad)
@@ -57,5 +57,5 @@ class StairView:
         return on.StairMarkers(t_s=t_s, markers=tuple(marker for marker in markers if marker is not None))
 
     def _recent(self, kind: type[T], t_s: float) -> T | None:
-        signal = self._newest.get(kind)
+        signal: Any = self._newest.get(kind)
         return signal if signal is not None and t_s - signal.t_s <= MEMORY_S else None
