@@ -100,9 +100,8 @@ class GoalDriverNode(DriverNode):
         """
         self._check(goal)
         foot_O = foot_in_odom(goal, self.odometry)
-        stair = self._newest.get(StairMap)
-        is_seen = isinstance(stair, StairMap) and self._t_s - stair.t_s <= MEMORY_S
-        other = mismatch(goal, foot_O, stair, self.odometry) if is_seen else None
+        stair = self._stair_in_view()
+        other = None if stair is None else mismatch(goal, foot_O, stair, self.odometry)
         if other is not None:
             raise SettingsError(other)
         config = self._config
@@ -192,11 +191,15 @@ class GoalDriverNode(DriverNode):
 
     def _other_stair(self, phase: Phase) -> str | None:
         """Return how the stair in view differs from that of the goal, before the chair enters it."""
-        stair = self._newest.get(StairMap)
-        if not isinstance(stair, StairMap) or self._t_s - stair.t_s > MEMORY_S:
+        stair = self._stair_in_view()
+        if stair is None:
             return None
         self._rise_m = stair.rise_m
         return mismatch(self._goal, self._foot_O, stair, self.odometry) if phase in BEFORE_ENTRY else None
+
+    def _stair_in_view(self) -> StairMap | None:
+        stair = self._newest.get(StairMap)
+        return stair if isinstance(stair, StairMap) and self._t_s - stair.t_s <= MEMORY_S else None
 
     def _take_odometry(self, odometry: Odometry) -> None:
         self.odometry = odometry
