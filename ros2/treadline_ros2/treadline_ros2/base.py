@@ -5,6 +5,7 @@ The topics are ROS 2's; the rules (limits, watchdog, the measured time-out) are 
 ``treadline.hardware``, in the guard process of ``treadline drive``.
 """
 
+from collections import deque
 import time
 from typing import Any
 
@@ -16,8 +17,11 @@ from rclpy.qos import qos_profile_sensor_data
 from rclpy.signals import SignalHandlerOptions
 from treadline.core.errors import LinkError
 from treadline.hardware._base_link import BaseOdometry
+from treadline.hardware.device_threads import DeviceThreads
 
 KINDS = {'twist_stamped': TwistStamped, 'twist': Twist}
+LOOK_S = 1.0
+"""Interval at which the publishers of the odometry are counted [s]."""
 
 
 class RosWire:
@@ -52,31 +56,42 @@ class RosWire:
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
         self._publisher = self._node.create_publisher(self._kind, cmd_vel, 1)
-        self._arrived: list[tuple[float, BaseOdometry]] = []
+        self._arrived: deque[BaseOdometry] = deque()
         self._node.create_subscription(Odometry, odom, self._take, qos_profile_sensor_data)
-        self._odom = odom
+        self._odom, self._looked_s = odom, 0.0
+        self._threads: DeviceThreads[BaseOdometry, tuple[float, float]] = DeviceThreads(
+            self._receive, self._publish, lambda error: f'ROS has gone ({error}); start again'
+        )
 
     def read(self) -> list[tuple[float, BaseOdometry]]:
         """Return the odometry since the last call; two publishers are a LinkError."""
-        before = -1
-        while before < len(self._arrived):
-            before = len(self._arrived)
-            self._executor.spin_once(timeout_sec=0.0)
+        return self._threads.read()
+
+    def _receive(self, within_s: float) -> BaseOdometry | None:
+        """Wait for the next odometry."""
+        if time.monotonic() - self._looked_s > LOOK_S:
+            self._looked_s = time.monotonic()
+            self._look()
+        self._executor.spin_once(timeout_sec=within_s)
+        return self._arrived.popleft() if self._arrived else None
+
+    def _look(self) -> None:
+        """Raise a LinkError where two nodes publish the odometry."""
         name = self._node.resolve_topic_name(self._odom)
         infos = self._node.get_publishers_info_by_topic(name)
-        publishers = sorted(
-            {f'{info.node_namespace.rstrip("/")}/{info.node_name}' for info in infos}
-        )
-        if len(publishers) > 1:
-            named = ' and '.join(publishers)
+        found = sorted({f'{info.node_namespace.rstrip("/")}/{info.node_name}' for info in infos})
+        if len(found) > 1:
+            named = ' and '.join(found)
             raise LinkError(
                 f'two bases publish odometry ({named}); stop one, or give it a namespace'
             )
-        arrived, self._arrived = self._arrived, []
-        return arrived
 
     def write(self, left_m_s: float, right_m_s: float) -> None:
         """Send a velocity."""
+        self._threads.write((left_m_s, right_m_s))
+
+    def _publish(self, belts: tuple[float, float]) -> None:
+        left_m_s, right_m_s = belts
         message = self._kind()
         twist = getattr(message, 'twist', message)
         if twist is not message:
@@ -88,6 +103,7 @@ class RosWire:
 
     def close(self) -> None:
         """Leave the graph."""
+        self._threads.close()
         self._executor.shutdown()
         self._node.destroy_node()
         self._context.try_shutdown()
@@ -98,4 +114,4 @@ class RosWire:
         speed_m_s = twist.linear.x
         belts = speed_m_s - turn_m_s, speed_m_s + turn_m_s
         found = BaseOdometry(message.child_frame_id, '', (place.x, place.y), *belts)
-        self._arrived.append((time.monotonic(), found))
+        self._arrived.append(found)

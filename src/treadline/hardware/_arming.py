@@ -260,6 +260,9 @@ class Arming:
         _require(fault is None, str(fault))
         lifted = "belts lifted; did the left one move first, forward?"
         self._say("belts on the floor, signs right by the gyro" if on_floor else lifted)
+        if on_floor:
+            turned_rad_s = wiggles["right"].turn_rad_s - wiggles["left"].turn_rad_s
+            self._say(f"by the gyro the chair turns as with a gauge of {2.0 * self._speed_m_s / turned_rad_s:.2f} m")
         return on_floor
 
     @property
