@@ -238,7 +238,9 @@ class Arming:
         session.wait("the dead-man switch is held; release it", PERSON_S, lambda: not session.newest[OperatorInput].dead_man)
         self._say("hold the dead-man switch and re-arm (keyboard: hold r); each belt will move a few centimetres")
         session.wait("no re-arm with the dead-man switch held", PERSON_S, lambda: self._client.holding is None)
-        session.wait("the drives stay latched after the re-arm", REARM_S, lambda: not session.newest[TrackReading].brake_on)
+        newest, client = session.newest, self._client
+        stays = "the drives stay latched after the re-arm"
+        session.wait(stays, REARM_S, lambda: client.holding is not None or not newest[TrackReading].brake_on)
         if self._client.state is not None and self._client.state.note is not None:
             self._say(self._client.state.note)
 
