@@ -1,5 +1,6 @@
 """Bases with a time-out of their own: it is measured before they drive, and what a base does wrong is named in one line."""
 
+import random
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -104,3 +105,48 @@ def test_a_line_that_breaks_stops_the_base_by_its_own_time_out(kind: str, start:
     rig.coast(0.5)
     assert [speed for t_s, speed in rig.chair.fastest if 3.0 <= t_s <= 4.0] == pytest.approx([0.2] * 101, abs=1e-3)
     assert all(speed == 0.0 for t_s, speed in rig.chair.fastest if t_s > 4.0 + 0.3 + 2.0 * TICK_S)
+
+
+DRAWS = 12
+"""Random faults of each base."""
+CAUSES = {
+    "unplugged": "silent for",
+    "ignores_zero": "ignores zero",
+    "moves": "moves",
+    "jump": "jumps",
+    "other_frame": "frame",
+    "two_bases": "two bases",
+    "silent": "watchdog",
+}
+"""Word of the cause of each fault; ``silent`` is a host without commands."""
+STOPPED_S = 0.5 + 2.0 * TICK_S
+"""Time in which a base stands after a fault: its own time-out at most, and the ticks of its messages."""
+
+
+def trouble(rig: Rig, fault: str) -> str:
+    """Drive at 0.2 m/s into a fault; return the cause that the link gives."""
+    try:
+        rig.rearm()
+        rig.run(2.0)
+        rig.run(1.5, silent=fault == "silent")
+    except LinkError as error:
+        rig.link.stop()
+        rig.coast(1.0)
+        return str(error)
+    return "watchdog" if any(state.watchdog_tripped for state in rig.states) else ""
+
+
+@pytest.mark.parametrize("kind", RIGS)
+@pytest.mark.parametrize("seed", range(DRAWS))
+def test_random_faults_stop_a_base_in_time_and_are_named(kind: str, seed: int, start: Start) -> None:
+    """Test: a fault of the base, of its line or of the host, at a random time of a drive, with a random time-out below the limit.
+    Expected result: the cause; a base that obeys stands within half a second, by its own time-out where nothing reaches it."""
+    rng = random.Random(f"{kind} {seed}")
+    fault = rng.choice([name for name in CAUSES if kind == "base" or name in ("unplugged", "silent")])
+    begin_s, timeout_s = rng.uniform(2.5, 3.5), rng.uniform(0.1, 0.45)
+    at = 0.0 if fault in ("ignores_zero", "moves") else begin_s  # what is found before the base is driven
+    rig = start(kind, *([] if fault == "silent" else [f"{fault}@{at:.2f}"]), timeout_s=timeout_s)
+    assert CAUSES[fault] in trouble(rig, fault), fault
+    if fault in ("unplugged", "silent", "jump", "other_frame", "two_bases"):
+        begin_s = rig.chair.t_s - 1.5 if fault == "silent" else begin_s
+        assert all(speed == 0.0 for t_s, speed in rig.chair.fastest if t_s > begin_s + STOPPED_S)

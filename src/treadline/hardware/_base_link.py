@@ -143,9 +143,12 @@ class BaseLink:
             self._wire.write(0.0, 0.0)
 
     def rearm(self) -> None:
-        """Measure the base where that is not done yet; then end the latched stop."""
+        """Measure the base where that is not done yet; then end the latched stop. A base that moves by itself stays latched."""
         self._tripped = False
-        self._enter("armed" if math.isfinite(self.probe.zero_s) else "starting")
+        if math.isfinite(self.probe.zero_s):
+            self._enter("armed")
+        elif self._newest is not None and max(abs(self._newest[1].left_m_s), abs(self._newest[1].right_m_s)) < STANDS_M_S:
+            self._enter("starting")
 
     def close(self) -> None:
         """Stop the base and release the wire."""
