@@ -4,7 +4,6 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 import pytest
 
 from treadline.core.errors import SettingsError
@@ -152,11 +151,11 @@ def test_a_client_that_falls_silent_stops_the_chair_within_a_second() -> None:
             r"another stair: steps of stair 'west' rise 0.120 m, those in view 0.1\d\d m",
         ),
         (
-            StairGoal(stair_id="west", foot=("base_link", np.array([8.0, 0.0, 0.0]))),
+            StairGoal(stair_id="west", foot=("base_link", (8.0, 0.0, 0.0))),
             r"another stair: the foot of stair 'west' is \d.\d\d m from the one in view",
         ),
         (
-            StairGoal(stair_id="west", foot=("map", np.zeros(3))),
+            StairGoal(stair_id="west", foot=("map", (0.0, 0.0, 0.0))),
             "the foot of stair 'west' is in frame 'map'; give it in odom or base_link",
         ),
     ],

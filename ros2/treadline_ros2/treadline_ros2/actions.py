@@ -4,7 +4,6 @@ import math
 from typing import Any
 
 from geometry_msgs.msg import Pose
-import numpy as np
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.task import Future
 from treadline.core.errors import SettingsError
@@ -111,7 +110,8 @@ class Actions:
             result.pose.header.stamp.nanosec = round(1e9 * (odometry.t_s - seconds))
         result.pose.pose.pose = _pose(odometry)
         spread = [traversed.sigma_m**2] * 3 + [traversed.heading_sigma_rad**2] * 3
-        result.pose.pose.covariance = np.diag(spread).ravel().tolist()
+        for at, variance in enumerate(spread):
+            result.pose.pose.covariance[7 * at] = variance
         return result
 
 
@@ -124,7 +124,7 @@ def _asked(goal: Any) -> StairGoal:
     return StairGoal(
         direction=DIRECTIONS[goal.direction],
         stair_id=goal.stair_id,
-        foot=(frame, np.array([place.x, place.y, place.z])) if frame else None,
+        foot=(frame, (place.x, place.y, place.z)) if frame else None,
         steps=goal.steps,
         step_rise_m=goal.step_rise_m,
         speed_m_s=goal.speed_m_s,

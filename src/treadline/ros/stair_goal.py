@@ -10,7 +10,7 @@ import numpy as np
 
 from treadline.core.errors import SettingsError
 from treadline.core.rotations import Vector3, rotation_of
-from treadline.core.signals import Direction, HeadingEstimate, StairMap
+from treadline.core.signals import Direction, HeadingEstimate, StairMap, Vector
 from treadline.mission.odometry import Odometry
 from treadline.vehicle.traction import NORMAL_SLIP
 
@@ -28,7 +28,7 @@ class StairGoal:
 
     direction: Direction | None = None
     stair_id: str = ""
-    foot: tuple[str, Vector3] | None = None
+    foot: tuple[str, Vector] | None = None
     """Frame and place where the flight begins for the chair."""
     steps: int = 0
     step_rise_m: float = 0.0
@@ -48,7 +48,7 @@ def foot_in_odom(goal: StairGoal, odometry: Odometry | None) -> Vector3 | None:
     """
     if goal.foot is None:
         return None
-    frame, place = goal.foot
+    frame, place = goal.foot[0], np.array(goal.foot[1])
     if frame not in ("odom", "base_link"):
         raise SettingsError(f"the foot of stair '{goal.stair_id}' is in frame '{frame}'; give it in odom or base_link")
     if odometry is None:
