@@ -93,7 +93,7 @@ def _traverse(node: Any, request: Any, presses: list[int]) -> int:
     node.destroy_timer(timer)
     result = ended.result().result
     verdict = _word(TraverseStair.Result, 'VERDICT_', result.verdict)
-    rose = '' if math.isnan(result.rise_m) else f'{result.steps} steps, {result.rise_m:+.2f} m'
+    rose = f'{result.steps} steps, {result.rise_m:+.2f} m' if result.steps else ''
     sys.stdout.write(': '.join(filter(None, (verdict, result.cause, rose))) + '\n')
     return 0 if result.verdict == TraverseStair.Result.VERDICT_ARRIVED else 1
 
