@@ -2,7 +2,8 @@
 
 import json
 import math
-import signal
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,6 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.action import ActionClient
-from test_client import Client
 from treadline_msgs.action import TraverseStair
 from unique_identifier_msgs.msg import UUID
 
@@ -107,10 +107,11 @@ def test_a_client_follows_a_route_over_two_floors(graph: Any) -> None:
 
 def test_a_killed_client_stops_the_chair(graph: Any) -> None:
     """Test: the client of a goal is killed while the chair moves. Expected result: within a second the belts stand, held."""
-    client = Client("")
+    command = [sys.executable, "-m", "treadline_ros2.client"]
+    client = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     graph.until(lambda: graph.heard[on.TRACKS][-1].left_m_s > 0.05, "motion")
-    client.interrupt(signal.SIGKILL)
-    client.end()
+    client.kill()
+    client.wait()
     killed_s = graph.t_s
     graph.until(lambda: graph.heard[on.GUARD] and graph.heard[on.GUARD][-1].holding, "a hold")
     assert graph.heard[on.GUARD][-1].holding == "the client of the goal is silent for 0.6 s"
