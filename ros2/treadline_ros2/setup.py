@@ -15,7 +15,7 @@ setup(
         (f'share/{PACKAGE}', ['package.xml']),
         *(
             (f'share/{PACKAGE}/{folder}', [str(file) for file in Path(folder).iterdir()])
-            for folder in ('launch', 'rviz', 'behavior_trees')
+            for folder in ('launch', 'rviz')
         ),
     ],
     install_requires=['setuptools', 'treadline'],

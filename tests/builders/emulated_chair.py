@@ -8,15 +8,20 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 from unittest.mock import patch
 
 from processes import wait_for
 
 from treadline.core.signals import TICK_S
-from treadline.hardware import _can_link
+from treadline.hardware import _base_link, _can_link, _vesc_wire
+from treadline.hardware._base_link import BaseLink
 from treadline.hardware._can_link import CanSimpleLink
+from treadline.hardware._links import REARM_S
 from treadline.hardware._serial_link import SerialLink
+from treadline.hardware.emulators import _base
+from treadline.hardware.emulators._base import GEAR_RATIO, POLE_PAIRS, DatagramBase, VescDrives
 from treadline.hardware.emulators._can import CanAxes
 from treadline.hardware.emulators._faults import Faults
 from treadline.hardware.emulators._firmware import Inputs, Outputs, Readings
@@ -83,6 +88,8 @@ class Rig:
 
     def __init__(self, chair: Any, link: Any, drives: Any, poll: Any, on_sent: Callable[[], object] = lambda: None) -> None:
         self.chair, self.link, self._drives, self._poll, self._on_sent = chair, link, drives, poll, on_sent
+        self.off: Callable[[], object] = lambda: None
+        """Releases what the drives hold."""
         self.states: list[DriveState] = []
         self.events: list[BoxEvent] = []
 
@@ -104,10 +111,13 @@ class Rig:
             self.events += events_in([f"{self.chair.t_s:.2f} s: {line}" for line in self._drives()])
 
     def rearm(self) -> None:
-        """Re-arm a stop that is old enough, and stand for the rest of a second."""
+        """Re-arm a stop that is old enough, and stand for the rest of a second; a base is measured meanwhile."""
         self.run(0.6, 0.0, 0.0)
         self.link.rearm()
+        until_s = self.chair.t_s + REARM_S
         self.run(0.4, 0.0, 0.0)
+        while isinstance(self.link, BaseLink) and self.states[-1].latched and self.chair.t_s < until_s:
+            self.run(TICK_S, 0.0, 0.0)
 
 
 class Unthreaded:
@@ -147,3 +157,35 @@ def can_rig(folder: Path, *faults: str) -> Rig:
     with unthreaded():
         link = CanSimpleLink(left_node=1, right_node=2, wheel_radius_m=PULLEY_M, limits=LIMITS, **bus)
     return Rig(chair, link, lambda: list(axes.step()), link.poll)
+
+
+def base_rig(folder: Path, patch_: Any, *faults: str, timeout_s: float = 0.3) -> Rig:
+    """Return a base with odometry, and a host on the base's clock."""
+    chair = FlatChair()
+    clock = SimpleNamespace(monotonic=lambda: chair.t_s)
+    for module in (_base_link, _base):
+        patch_.setattr(module, "time", clock)
+    emulated = DatagramBase(chair, Faults(faults), Terminal(folder / "sensors"), {"port": 0})
+    emulated._timeout_s = timeout_s
+    port = emulated._end._socket.getsockname()[1]
+    link = BaseLink(limits=LIMITS, wire="treadline.hardware.emulators._base:DatagramWire", port=port)
+    rig = Rig(chair, link, lambda: list(emulated.step()), link.poll)
+    rig.off = emulated._end.close
+    return rig
+
+
+def vesc_rig(folder: Path, patch_: Any, *faults: str, timeout_s: float = 0.3) -> Rig:
+    """Return two VESC drives on a bus of this process, and a host on their clock."""
+    chair, bus = FlatChair(), {"interface": "virtual", "channel": str(folder)}
+    patch_.setattr(_base_link, "time", SimpleNamespace(monotonic=lambda: chair.t_s))
+
+    class OnTheClock(Unthreaded):
+        def read(self) -> list[tuple[float, Any]]:
+            return [(chair.t_s, item) for _, item in super().read()]
+
+    patch_.setattr(_vesc_wire, "DeviceThreads", OnTheClock)
+    drives = VescDrives(chair, Faults(faults), Terminal(folder / "sensors"), bus)
+    drives._timeout_s = timeout_s
+    motors = {"left_id": 1, "right_id": 2, "wheel_radius_m": PULLEY_M, "pole_pairs": POLE_PAIRS, "gear_ratio": GEAR_RATIO}
+    link = BaseLink(limits=LIMITS, wire="treadline.hardware._vesc_wire:VescWire", **motors, **bus)
+    return Rig(chair, link, lambda: list(drives.step()), link.poll)

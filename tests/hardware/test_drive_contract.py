@@ -1,4 +1,4 @@
-"""Contract of every link to drives: a box on a serial line, axes on a CAN bus, and the box of the guard process's tests.
+"""Contract of every link to drives: a box on a serial line, axes on a CAN bus, bases, and the box of the guard process's tests.
 
 Times are those of the drives' own clock. Faults of line and box are those of the emulators.
 """
@@ -15,7 +15,7 @@ import pytest
 pytest.importorskip("serial", reason="pyserial is not installed: pip install 'treadline[hardware]'")
 pytest.importorskip("can", reason="python-can is not installed: pip install 'treadline[hardware]'")
 
-from emulated_chair import LIMITS, Rig, can_rig, serial_rig
+from emulated_chair import LIMITS, Rig, base_rig, can_rig, serial_rig, vesc_rig
 from firmware_memory import HAS_COMPILER
 
 from treadline.core.signals import TICK_S
@@ -48,11 +48,15 @@ def floor_rig(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Rig:
     return Rig(chair, link, drives, poll)
 
 
-@pytest.fixture(params=["serial", "can", "floor"])
+@pytest.fixture(params=["serial", "can", "floor", "base", "vesc"])
 def rig(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Rig]:
-    made = {"serial": serial_rig, "can": can_rig, "floor": lambda folder: floor_rig(folder, monkeypatch)}[request.param](tmp_path)
+    clocked = {"floor": floor_rig, "base": base_rig, "vesc": vesc_rig}
+    unclocked = {"serial": serial_rig, "can": can_rig}
+    name = request.param
+    made = unclocked[name](tmp_path) if name in unclocked else clocked[name](tmp_path, monkeypatch)
     yield made
     made.link.close()
+    made.off()
 
 
 def stands(states: list[DriveState]) -> bool:

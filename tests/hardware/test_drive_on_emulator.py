@@ -32,6 +32,20 @@ fd = false
 left_node = 1
 right_node = 2
 wheel_radius_m = 0.07"""
+VESC = """link = "vesc"
+interface = "udp_multicast"
+channel = "239.74.163.2"
+port = {port}
+fd = false
+left_id = 1
+right_id = 2
+wheel_radius_m = 0.07
+gear_ratio = 10.0
+pole_pairs = 7"""
+BASE = """link = "base"
+wire = "treadline.hardware.emulators._base:DatagramWire"
+port = {port}"""
+OTHERS = {"can": CAN, "vesc": VESC, "base": BASE}
 DRIVE = """speed_m_s = 0.2
 [camera]
 source = "treadline.hardware.emulators.camera:EmulatedCamera"
@@ -46,10 +60,12 @@ class Emulated:
     def __init__(self, robot: TestRobot, link: str) -> None:
         port = 20_000 + sum(str(robot.folder).encode()) % 20_000
         model, text = "wheelchair", robot.path.read_text()
-        if link == "can":  # which carries no flipper
+        if link != "serial":  # no other carries a flipper
             model, text = "wheelchair-fixed", text + 'chair = "wheelchair-fixed"\n'
             text = text.replace('link = "drives"', SERIAL, 1).replace('link = "drives"', 'link = "imu"')
-        drives = SERIAL if link == "serial" else CAN.format(port=port)
+        if link == "base":  # which measures no battery
+            text = text.replace("battery_least_v = 22.0\n", "")
+        drives = SERIAL if link == "serial" else OTHERS[link].format(port=port)
         robot.path.write_text(text.replace(BOX.format(folder=robot.folder), drives) + DRIVE)
         scenario = 'stair = { slope_deg = 28, steps = 4 }\nstart = { place = "floor" }\n'
         Path("scenario.toml").write_text(scenario + f'chair = {{ model = "{model}" }}\n')
@@ -115,6 +131,15 @@ def test_a_guard_process_that_is_gone_leaves_the_box_to_its_watchdog(emulated: E
         host.end()
         assert "the box's watchdog has stopped the belts" in host.lines[-1]
         assert len(emulated.times("ARMED")) == armed
+
+
+@pytest.mark.parametrize("emulated", ["base", "vesc"], indirect=True)
+def test_a_base_is_measured_and_then_follows_on_the_bench(emulated: Emulated) -> None:
+    """Test: the robot file of the page, and the bench. Expected result: the base's figures are said, its signs are right."""
+    host = emulated.driven("--bench", "--seconds", "2", "--out", "run")
+    assert host.process.wait(90.0) == 0, "\n".join(host.lines)
+    assert host.has("base: lag 0.")
+    assert host.has("belts on the floor, signs right by the gyro")
 
 
 @pytest.mark.parametrize("emulated", ["serial", "can"], indirect=True)

@@ -35,7 +35,7 @@ def mutated(data: bytes, rng: np.random.Generator) -> bytes:
 def test_mutated_bytes_are_a_signal_or_a_format_error(channel: str, signal: Any, *, ros1: bool) -> None:
     rng = np.random.default_rng(39)
     decoder = Decoder(channel, ros1=ros1)
-    read = {topic.name for topic in on.CHANNELS[channel].topics if topic.read}
+    read = {topic.name for topic in on.CHANNELS[channel].topics_of(ros1=ros1) if topic.read}
     messages = [(topic, data) for topic, _, data in encoded(channel, signal, ros1=ros1) if topic in read]
     broken = 0
     for k in range(COUNT):

@@ -37,7 +37,7 @@ def test_rosbags_writes_the_same_bytes(channel: str, signal: Any, *, ros1: bool)
     """An independent encoder of the same definitions gives each message to its last byte."""
     messages = messages_on(channel, signal, ros1=ros1)
     assert [(message.topic, message.kind) for message in messages] == [
-        (topic.name, topic.kind_of(ros1=ros1)) for topic in on.CHANNELS[channel].topics
+        (topic.name, topic.kind_of(ros1=ros1)) for topic in on.CHANNELS[channel].topics_of(ros1=ros1)
     ]
     for message in messages:
         of, write = store(ros1=ros1), f"serialize_{'ros1' if ros1 else 'cdr'}"

@@ -24,5 +24,7 @@ def test_each_list_of_debian_packages_holds_the_shorter_one() -> None:
 
 
 def test_the_messages_of_every_channel_are_installed() -> None:
-    kinds = {topic.kind_of(ros1=True).split("/")[0] for channel in on.CHANNELS.values() for topic in channel.topics} - WITH_ROSPY
+    kinds = {
+        topic.kind_of(ros1=True).split("/")[0] for channel in on.CHANNELS.values() for topic in channel.topics_of(ros1=True)
+    } - WITH_ROSPY
     assert {f"python3-{kind.replace('_', '-')}" for kind in kinds} <= packages(INSTALL)

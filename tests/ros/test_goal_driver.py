@@ -14,6 +14,7 @@ from treadline.ros import channels as on
 from treadline.ros.assembly import DRIVING, node_of
 from treadline.ros.goal_driver import GoalDriverNode, Outcome
 from treadline.ros.lockstep import InProcess
+from treadline.ros.stair_goal import StairGoal
 from treadline.run.resolve import mission_config
 from treadline.scenario.scenario import Scenario
 from treadline.scenario.shipped_files import shipped_controller
@@ -65,7 +66,8 @@ def test_one_graph_drives_over_two_floors() -> None:
     began_m = graph.truth.x_m
     graph.run(2.0, speed_m_s=0.1)
     assert graph.truth.x_m - began_m == pytest.approx(0.19, abs=0.03)
-    graph.driver.begin("up", ends.append)
+    began = graph.truth
+    graph.driver.begin(StairGoal(direction="up", stair_id="east", steps=3), ends.append)
 
     def ended() -> bool:
         to_go_m.append(graph.driver.progress.distance_to_go_m)
@@ -73,6 +75,8 @@ def test_one_graph_drives_over_two_floors() -> None:
 
     graph.run(60.0, ended)
     assert ends[0].verdict == "arrived"
+    assert graph.driver.traversed.steps == 3
+    assert graph.driver.traversed.rise_m == pytest.approx(graph.truth.chassis_z_m - began.chassis_z_m, abs=0.05)
     known = [distance_m for distance_m in to_go_m if not math.isnan(distance_m)]
     assert (max(known) > 1.0, known[-1]) == (True, 0.0)
     up_m = graph.truth.x_m
@@ -88,32 +92,80 @@ def test_goals_that_cannot_be_and_one_that_is_cancelled() -> None:
     graph, ends = Graph(), list[Outcome]()
     graph.run(0.5)
     with pytest.raises(SettingsError, match=r"^this graph goes up; start one whose scenario has drive.direction = 'down'$"):
-        graph.driver.begin("down", ends.append)
+        graph.driver.begin(StairGoal(direction="down"), ends.append)
     with pytest.raises(SettingsError, match=r"^a speed of 2 m/s, a limit of 0 s; give 0 to 0.3 m/s, and a positive time$"):
-        graph.driver.begin("up", ends.append, speed_m_s=2.0)
-    graph.driver.begin("up", ends.append)
+        graph.driver.begin(StairGoal(speed_m_s=2.0), ends.append)
+    graph.driver.begin(StairGoal(direction="up"), ends.append)
     with pytest.raises(SettingsError, match="cancel it first"):
-        graph.driver.begin("up", ends.append)
+        graph.driver.begin(StairGoal(direction="up"), ends.append)
     graph.run(1.0)
     graph.driver.cancel("cancelled by the client")
     graph.run(0.1)
     assert ends == [Outcome("cancelled", "cancelled by the client")]
     assert graph.heard[on.GUARD][-1].holding == "cancelled by the client"
     with pytest.raises(SettingsError, match=r"^the guard holds the chair: cancelled by the client; re-arm it first$"):
-        graph.driver.begin("up", ends.append)
+        graph.driver.begin(StairGoal(direction="up"), ends.append)
 
 
 def test_a_goal_ends_with_its_time_or_with_its_node() -> None:
     """Test: a goal of one second; another, whose node is stopped. Expected result: time up, and the chair is held; held."""
     graph, ends = Graph(), list[Outcome]()
     graph.run(0.5)
-    graph.driver.begin("up", ends.append, limit_s=1.0)
+    graph.driver.begin(StairGoal(limit_s=1.0), ends.append)
     graph.run(1.2)
     assert ends == [Outcome("time_up", "the time limit of the goal is over at 1.5 s")]
     assert graph.heard[on.GUARD][-1].holding == ends[0].cause
     other = Graph()
-    other.driver.begin("up", ends.append)
+    other.driver.begin(StairGoal(direction="up"), ends.append)
     other.run(0.02)  # no stair has been seen
     assert other.driver.progress.stability_margin_rad == pytest.approx(math.radians(30.0), abs=0.3)
     other.driver.abandon("the node of the driver was stopped")
     assert ends[-1] == Outcome("held", "the node of the driver was stopped")
+
+
+def test_a_client_that_falls_silent_stops_the_chair_within_a_second() -> None:
+    """Test: a goal with a lease of 0.6 s, renewed for 1.5 s and then no more. Expected result: the belts stand within 1 s of the
+    last sign of the client, and the guard holds with the cause."""
+    graph, ends = Graph(), list[Outcome]()
+    graph.run(0.5)
+    graph.driver.begin(StairGoal(lease_s=0.6), ends.append)
+
+    def renewed() -> bool:
+        graph.driver.renew()
+        return False
+
+    graph.run(1.5, renewed)
+    assert ends == []
+    assert graph.truth.left_m_s > 0.05
+    graph.run(1.0)
+    assert ends == [Outcome("lease_over", "the client of the goal is silent for 0.6 s")]
+    assert abs(graph.truth.left_m_s) < 0.01
+    assert graph.heard[on.GUARD][-1].holding == ends[0].cause
+
+
+@pytest.mark.parametrize(
+    ("goal", "cause"),
+    [
+        (
+            StairGoal(stair_id="west", step_rise_m=0.12),
+            r"another stair: steps of stair 'west' rise 0.120 m, those in view 0.1\d\d m",
+        ),
+        (
+            StairGoal(stair_id="west", foot=("base_link", (8.0, 0.0, 0.0))),
+            r"another stair: the foot of stair 'west' is \d.\d\d m from the one in view",
+        ),
+        (
+            StairGoal(stair_id="west", foot=("map", (0.0, 0.0, 0.0))),
+            "the foot of stair 'west' is in frame 'map'; give it in odom or base_link",
+        ),
+    ],
+    ids=["rise", "foot", "frame"],
+)
+def test_a_goal_for_another_stair_is_refused_and_nothing_is_driven(goal: StairGoal, cause: str) -> None:
+    graph = Graph()
+    graph.run(1.0)
+    began_m = graph.truth.x_m
+    with pytest.raises(SettingsError, match=f"^{cause}$"):
+        graph.driver.begin(goal, print)
+    graph.run(0.3)
+    assert graph.truth.x_m == pytest.approx(began_m, abs=0.001)

@@ -77,7 +77,7 @@ class Bystander:
         from treadline.ros.channels import CHANNELS
 
         decoder, signals = Decoder(channel, ros1=False), []
-        for topic in CHANNELS[channel].topics:
+        for topic in CHANNELS[channel].topics_of(ros1=False):
             if topic.read:
 
                 def take(data: bytes, name: str = topic.name) -> None:
@@ -92,7 +92,7 @@ class Bystander:
         from treadline.ros._codec import encoded
         from treadline.ros.channels import CHANNELS
 
-        topic = CHANNELS[channel].topics[0]
+        topic = CHANNELS[channel].topics_of(ros1=False)[0]
         publisher = self.node.create_publisher(kind_of(topic.kind), topic.name.lstrip("/"), quality)
         return lambda signal: publisher.publish(encoded(channel, signal, ros1=False)[0][2])
 

@@ -1,4 +1,4 @@
-"""The actions climb_stairs and descend_stairs: goal, feedback, result, and what cancelling does."""
+"""The action traverse_stair: goal, feedback, result, and what cancelling does."""
 
 import math
 from collections.abc import Callable
@@ -11,7 +11,7 @@ from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TwistStamped
 from rclpy.action import ActionClient
-from treadline_msgs.action import ClimbStairs, DescendStairs
+from treadline_msgs.action import TraverseStair
 from treadline_msgs.msg import MotionPlan
 
 from treadline.ros import channels as on
@@ -30,11 +30,11 @@ CLIMB_S = 400.0
 class Asked:
     """One goal, and what came of it."""
 
-    def __init__(self, bystander: Any, kind: Any, name: str, **goal: float) -> None:
+    def __init__(self, bystander: Any, **goal: Any) -> None:
         self._bystander, self.feedback = bystander, []
-        client = ActionClient(bystander.node, kind, name)
-        bystander.until(client.server_is_ready, name)
-        answer = client.send_goal_async(kind.Goal(**goal), lambda message: self.feedback.append(message.feedback))
+        client = ActionClient(bystander.node, TraverseStair, "traverse_stair")
+        bystander.until(client.server_is_ready, "traverse_stair")
+        answer = client.send_goal_async(TraverseStair.Goal(**goal), lambda message: self.feedback.append(message.feedback))
         bystander.until(answer.done, "an answer")
         self.handle = answer.result()
 
@@ -78,17 +78,20 @@ def follow_path(graph: Any, publisher: Any, seconds: float) -> None:
 
 
 def test_a_behaviour_tree_over_two_floors(graph: Any) -> None:
-    """Test: ``two_floors.xml`` as a client plays it: cmd_vel, a goal of climb_stairs, cmd_vel. Expected result: the belts run as
+    """Test: ``two_floors.xml`` as a client plays it: cmd_vel, a goal of traverse_stair, cmd_vel. Expected result: the belts run as
     asked; feedback of phase, heading, margin and a distance that falls; the goal succeeds, a second one meanwhile is refused;
     the guard says whose commands count, and never holds."""
     publisher = graph.node.create_publisher(TwistStamped, "cmd_vel", 10)
     follow_path(graph, publisher, 1.5)
-    goal = Asked(graph, ClimbStairs, "climb_stairs", time_limit_s=90.0)
+    goal = Asked(graph, time_limit_s=90.0, stair_id="east")
     assert goal.handle.accepted
-    assert not Asked(graph, ClimbStairs, "climb_stairs").handle.accepted
+    assert not Asked(graph).handle.accepted
     answer = goal.result()
-    assert answer.result.verdict == ClimbStairs.Result.VERDICT_ARRIVED, answer.result.cause
+    assert answer.result.verdict == TraverseStair.Result.VERDICT_ARRIVED, answer.result.cause
     assert answer.status == GoalStatus.STATUS_SUCCEEDED
+    assert (answer.result.stair_id, answer.result.steps, answer.result.pose.header.frame_id) == ("east", 1, "odom")
+    assert answer.result.rise_m > 0.1
+    assert answer.result.pose.pose.covariance[0] > 0.0
     follow_path(graph, publisher, 1.5)
     states = graph.heard[on.GUARD]
     sources = [source for source, _ in groupby(state.source for state in states)]
@@ -106,13 +109,13 @@ def test_a_behaviour_tree_over_two_floors(graph: Any) -> None:
 def test_a_cancelled_goal_holds_the_chair(graph: Any) -> None:
     """Test: a goal of the other direction; then a goal that is cancelled. Expected result: the first is refused; after the
     second the guard holds with the cause, and a third is refused until a person re-arms."""
-    assert not Asked(graph, DescendStairs, "descend_stairs").handle.accepted
-    goal = Asked(graph, ClimbStairs, "climb_stairs", speed_m_s=0.1)
+    assert not Asked(graph, direction=TraverseStair.Goal.DIRECTION_DOWN).handle.accepted
+    goal = Asked(graph, speed_m_s=0.1)
     graph.until(lambda: graph.heard[on.TRACKS][-1].left_m_s > 0.05, "motion")
     goal.cancel()
     answer = goal.result()
-    assert (answer.status, answer.result.verdict) == (GoalStatus.STATUS_CANCELED, ClimbStairs.Result.VERDICT_CANCELLED)
+    assert (answer.status, answer.result.verdict) == (GoalStatus.STATUS_CANCELED, TraverseStair.Result.VERDICT_CANCELLED)
     graph.until(lambda: graph.heard[on.GUARD][-1].holding == "cancelled by the client", "a hold")
     graph.pause(1.0)
     assert abs(graph.heard[on.TRACKS][-1].left_m_s) < 0.01
-    assert not Asked(graph, ClimbStairs, "climb_stairs").handle.accepted
+    assert not Asked(graph).handle.accepted

@@ -14,7 +14,7 @@ from action_msgs.msg import GoalStatus
 from lifecycle_msgs.msg import Transition
 from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
 from rclpy.task import Future
-from treadline_msgs.action import ClimbStairs
+from treadline_msgs.action import TraverseStair
 
 
 class Client:
@@ -41,8 +41,8 @@ class Offered:
         self._ended: Future[None] = Future()
         self.server = ActionServer(
             bystander.node,
-            ClimbStairs,
-            "climb_stairs",
+            TraverseStair,
+            "traverse_stair",
             execute_callback=self._execute,
             goal_callback=answer,
             cancel_callback=self._cancel,
@@ -52,7 +52,7 @@ class Offered:
         self.goals.append(goal)
         await self._ended
         goal.canceled()
-        return ClimbStairs.Result(verdict=ClimbStairs.Result.VERDICT_CANCELLED, cause="cancelled by the client")
+        return TraverseStair.Result(verdict=TraverseStair.Result.VERDICT_CANCELLED, cause="cancelled by the client")
 
     def _cancel(self, _: Any) -> CancelResponse:
         self.cancelled = True
@@ -90,7 +90,7 @@ def test_a_client_whose_terminal_is_closed_cancels_all_the_same(watching: Callab
     assert client.process.stdout is not None
     client.process.stdout.close()
     for _ in range(3):
-        offered.goals[0].publish_feedback(ClimbStairs.Feedback())
+        offered.goals[0].publish_feedback(TraverseStair.Feedback())
         bystander.pause(0.3)
     client.interrupt(signal.SIGHUP)
     bystander.until(lambda: offered.cancelled, "a cancel")
@@ -137,10 +137,10 @@ def test_a_goal_ends_with_its_driver(started: Callable[..., Any], watching: Call
     bystander = watching(name)
     given = ("-p", f"controller:={broken}:Broken") if how == "error" else ()
     process = started("driver", given=("-r", f"__ns:={name}", "-p", "start:=goal", *given), sim=False)
-    client = ActionClient(bystander.node, ClimbStairs, "climb_stairs")
+    client = ActionClient(bystander.node, TraverseStair, "traverse_stair")
     bystander.until(client.server_is_ready, "the action")
     bystander.until(lambda: bystander.state("driver") == "active", "an active driver")
-    asked = client.send_goal_async(ClimbStairs.Goal())
+    asked = client.send_goal_async(TraverseStair.Goal())
     bystander.until(asked.done, "an answer")
     assert asked.result().accepted
     ended = asked.result().get_result_async()
@@ -149,12 +149,12 @@ def test_a_goal_ends_with_its_driver(started: Callable[..., Any], watching: Call
             assert bystander.change("driver", transition)
     bystander.until(ended.done, "a result")
     answer = ended.result()
-    assert (answer.status, answer.result.verdict) == (GoalStatus.STATUS_ABORTED, ClimbStairs.Result.VERDICT_HELD)
+    assert (answer.status, answer.result.verdict) == (GoalStatus.STATUS_ABORTED, TraverseStair.Result.VERDICT_HELD)
     assert answer.result.cause == "the node of the driver was stopped"
     assert bystander.state("driver") == "unconfigured"
     for transition, accepted in ((Transition.TRANSITION_CONFIGURE, False), (Transition.TRANSITION_ACTIVATE, True)):
         assert bystander.change("driver", transition)
-        asked = client.send_goal_async(ClimbStairs.Goal())
+        asked = client.send_goal_async(TraverseStair.Goal())
         bystander.until(asked.done, "an answer")
         assert asked.result().accepted is accepted
     assert not [line for line in process.said if "Traceback" in line or "InvalidHandle" in line]

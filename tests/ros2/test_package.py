@@ -26,7 +26,7 @@ def test_colcon_builds_it(tmp_path: Path) -> None:
     installed = tmp_path / "install" / "treadline_ros2"
     assert (installed / "lib" / "treadline_ros2" / "node").exists()
     share = installed / "share" / "treadline_ros2"
-    for folder in ("launch", "rviz", "behavior_trees"):
+    for folder in ("launch", "rviz"):
         assert {file.name for file in (share / folder).iterdir()} == {file.name for file in (PACKAGE / folder).iterdir()}
 
 

@@ -12,7 +12,9 @@ from treadline.io.message_types import store
 from treadline.ros import channels as on
 from treadline.ros._codec import encoded
 
-KINDS = sorted({topic.kind for channel in on.CHANNELS.values() for topic in channel.topics} - {"tf2_msgs/msg/TFMessage"})
+KINDS = sorted(
+    {topic.kind for channel in on.CHANNELS.values() for topic in channel.topics_of(ros1=False)} - {"tf2_msgs/msg/TFMessage"}
+)
 """Types of the graph; of tf2_msgs the test environment has one message, made for it."""
 
 

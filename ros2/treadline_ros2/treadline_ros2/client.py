@@ -1,8 +1,9 @@
 """
-A client of climb_stairs and descend_stairs: an example, and a command.
+A client of traverse_stair: an example, and a command.
 
 ``ros2 run treadline_ros2 climb [down]`` prints the progress. Ctrl-C, a request to end and a
-terminal that is closed cancel: the chair holds.
+terminal that is closed cancel: the chair holds. So it does where this process dies: its goal has
+a lease, which it renews as long as it lives.
 """
 
 from collections.abc import Callable
@@ -17,13 +18,17 @@ import rclpy
 from rclpy.action import ActionClient
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
-from treadline_msgs.action import ClimbStairs, DescendStairs
+from treadline_msgs.action import TraverseStair
 from treadline_msgs.msg import MotionPlan
+from treadline_ros2.actions import LEASE_TOPIC, NAME
+from unique_identifier_msgs.msg import UUID
 
 WAIT_S = 10.0
 """Time in which the action has to be offered [s]."""
 SPIN_S = 0.1
 """Longest time without a look at Ctrl-C and at the driver [s]: the interval of the feedback."""
+LEASE_S = 0.6
+"""Silence after which the chair is held [s]: six looks; with the ramp of the belts below 1 s."""
 ENDINGS = [
     getattr(signal, name) for name in ('SIGINT', 'SIGTERM', 'SIGHUP') if hasattr(signal, name)
 ]
@@ -35,14 +40,15 @@ ENDED_BY = 128
 def main(arguments: list[str] | None = None) -> int:
     """Ask for one traversal; return 0 where the chair arrives."""
     down = 'down' in remove_ros_args(arguments)
-    name, kind = ('descend_stairs', DescendStairs) if down else ('climb_stairs', ClimbStairs)
+    asked = TraverseStair.Goal(lease_s=LEASE_S)
+    asked.direction = asked.DIRECTION_DOWN if down else asked.DIRECTION_UP
     presses: list[int] = []
     for ending in ENDINGS:
         signal.signal(ending, lambda number, _: presses.append(number))
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node('stairs_client')
     try:
-        return _traverse(node, name, kind, presses)
+        return _traverse(node, asked, presses)
     finally:
         for ending in ENDINGS:
             signal.signal(ending, signal.SIG_IGN)
@@ -50,17 +56,18 @@ def main(arguments: list[str] | None = None) -> int:
         rclpy.try_shutdown()
 
 
-def _traverse(node: Any, name: str, kind: Any, presses: list[int]) -> int:
+def _traverse(node: Any, request: Any, presses: list[int]) -> int:
     """Ask, wait for the end, and return the exit code; ``presses`` grows with each signal."""
-    client = ActionClient(node, kind, name)
+    client = ActionClient(node, TraverseStair, NAME)
+    lease = node.create_publisher(UUID, LEASE_TOPIC, 1)
     until_s = time.monotonic() + WAIT_S
     _spin(node, lambda: client.server_is_ready() or presses or time.monotonic() > until_s)
     if presses:
         return _end(ENDED_BY + presses[0], 'interrupted; no goal was sent')
     if not client.server_is_ready():
-        return _end(2, f'nobody offers {name}; start the graph with start:=goal')
+        return _end(2, f'nobody offers {NAME}; start the graph with start:=goal')
 
-    asked = client.send_goal_async(kind.Goal(), _report)
+    asked = client.send_goal_async(request, _report)
     # After Ctrl-C, too: a goal that is accepted later must not drive the chair with nobody there.
     _spin(node, lambda: asked.done() or len(presses) > 1 or not client.server_is_ready())
     if not asked.done() and len(presses) > 1:
@@ -69,8 +76,9 @@ def _traverse(node: Any, name: str, kind: Any, presses: list[int]) -> int:
         return _end(1, 'the driver has ended without an answer')
     goal = asked.result()
     if not goal.accepted:
-        return _end(2, f'{name} is refused; the log of the driver says why')
+        return _end(2, f'{NAME} is refused; the log of the driver says why')
 
+    timer = node.create_timer(SPIN_S, lambda: lease.publish(goal.goal_id))
     ended = goal.get_result_async()
     _spin(node, lambda: ended.done() or presses or not client.server_is_ready())
     if not ended.done() and presses:
@@ -82,10 +90,12 @@ def _traverse(node: Any, name: str, kind: Any, presses: list[int]) -> int:
         )
     if not ended.done():
         return _end(1, 'the driver has ended; the guard holds the chair')
+    node.destroy_timer(timer)
     result = ended.result().result
-    verdict = _word(kind.Result, 'VERDICT_', result.verdict)
-    sys.stdout.write(': '.join(filter(None, (verdict, result.cause))) + '\n')
-    return 0 if result.verdict == kind.Result.VERDICT_ARRIVED else 1
+    verdict = _word(TraverseStair.Result, 'VERDICT_', result.verdict)
+    rose = f'{result.steps} steps, {result.rise_m:+.2f} m' if result.steps else ''
+    sys.stdout.write(': '.join(filter(None, (verdict, result.cause, rose))) + '\n')
+    return 0 if result.verdict == TraverseStair.Result.VERDICT_ARRIVED else 1
 
 
 def _spin(node: Any, done: Callable[[], object]) -> None:
@@ -110,6 +120,7 @@ def _report(message: Any) -> None:
     degrees = [math.degrees(a) for a in (feedback.heading_rad, feedback.stability_margin_rad)]
     to_go_m = feedback.distance_to_go_m
     to_go = 'distance not known yet' if math.isnan(to_go_m) else f'{to_go_m:.2f} m to go'
+    to_go += '' if math.isnan(feedback.remaining_s) else f' in {feedback.remaining_s:.0f} s'
     phase = _word(MotionPlan, 'PHASE_', feedback.phase)
     # A terminal that was closed must not keep the goal from its end.
     with contextlib.suppress(OSError):

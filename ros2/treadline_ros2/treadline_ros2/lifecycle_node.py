@@ -39,7 +39,7 @@ PARAMETERS: dict[str, tuple[Any, str]] = {
     'seed': (0, 'random seed of the simulated plant'),
     'pace': (1.0, 'simulated seconds per second'),
     'cmd_vel': ('twist_stamped', 'guard: type of cmd_vel: twist_stamped or twist'),
-    'start': ('now', 'driver: now, or goal: stand until climb_stairs or descend_stairs is asked'),
+    'start': ('now', 'driver: now, or goal: stand until traverse_stair is asked'),
     'out': ('', 'recorder: a run folder, or a file that ends in .mcap, .bag or .db3'),
     'patience': (60.0, 'time after which a silent topic is reported [s]'),
     'autostart': (False, 'whether the node configures and activates itself'),

@@ -27,6 +27,7 @@ from treadline.core.signals import (
 from treadline.estimation import StuckGyroDetector, StuckRule
 from treadline.guard import SILENCE_S, GuardConfig
 from treadline.hardware._guard_client import GuardClient
+from treadline.hardware._links import REARM_S
 from treadline.hardware._robot_plant import CameraThread, RobotPlant
 from treadline.hardware.robot_file import RobotFile
 from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription
@@ -237,6 +238,11 @@ class Arming:
         session.wait("the dead-man switch is held; release it", PERSON_S, lambda: not session.newest[OperatorInput].dead_man)
         self._say("hold the dead-man switch and re-arm (keyboard: hold r); each belt will move a few centimetres")
         session.wait("no re-arm with the dead-man switch held", PERSON_S, lambda: self._client.holding is None)
+        newest, client = session.newest, self._client
+        stays = "the drives stay latched after the re-arm"
+        session.wait(stays, REARM_S, lambda: client.holding is not None or not newest[TrackReading].brake_on)
+        if self._client.state is not None and self._client.state.note is not None:
+            self._say(self._client.state.note)
 
     def signs(self) -> bool:
         """Wiggle each belt; return whether the chair stands on its belts.
@@ -256,6 +262,9 @@ class Arming:
         _require(fault is None, str(fault))
         lifted = "belts lifted; did the left one move first, forward?"
         self._say("belts on the floor, signs right by the gyro" if on_floor else lifted)
+        if on_floor:
+            turned_rad_s = wiggles["right"].turn_rad_s - wiggles["left"].turn_rad_s
+            self._say(f"by the gyro the chair turns as with a gauge of {2.0 * self._speed_m_s / turned_rad_s:.2f} m")
         return on_floor
 
     @property

@@ -117,7 +117,7 @@ class CanSimpleLink:
         interface: str = "socketcan",
         **options: Any,
     ) -> None:
-        self._turn_m = _turn_m(wheel_radius_m, gear_ratio)
+        self._turn_m = turn_m(wheel_radius_m, gear_ratio)
         self._axes = {node: Axis(node) for node in _nodes(left_node, right_node)}
         self._limits, self._name = limits, f"{interface} {channel}"
         self._bus = open_bus(interface=interface, channel=channel, **options)
@@ -308,8 +308,12 @@ def open_bus(**options: Any) -> can.BusABC:
         raise LinkError(f"no CAN bus {name} ({error}); bring it up, or correct interface and channel") from error
 
 
-def _turn_m(wheel_radius_m: float, gear_ratio: float) -> float:
-    """Return the travel of a belt in a turn of its motor [m]."""
+def turn_m(wheel_radius_m: float, gear_ratio: float) -> float:
+    """Return the travel of a belt in a turn of its motor [m].
+
+    Raises:
+        LinkError: If a number is impossible.
+    """
     for name, value in (("wheel_radius_m", wheel_radius_m), ("gear_ratio", gear_ratio)):
         if not (math.isfinite(value) and value > 0.0):
             raise LinkError(f"{name} is {value}; it must be above zero: measure the belt's drive pulley and read the gear's plate")

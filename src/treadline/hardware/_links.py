@@ -16,7 +16,8 @@ from treadline.core.signals import FlipperCommand, PlantState, SeatCommand, Trac
 from treadline.hardware.ports import DriveLimits, DriveLink, DriveState, JointLink, SensorLink
 
 REARM_S = 4.5
-"""Longest time in which a box ends its latched stop [s]: drives on CAN prove their watchdog first, and take a state within 2 s."""
+"""Longest time in which a box ends its latched stop [s]: drives on CAN prove their watchdog first, and take a state within
+2 s; a base is measured in four parts of 1 s at most."""
 PROTOCOLS = {"drives": DriveLink, "imu": SensorLink, "joints": JointLink, "handset": SensorLink}
 """Protocol of the link of each port."""
 

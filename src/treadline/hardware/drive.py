@@ -182,6 +182,8 @@ def drive(file: RobotFile, out: Path, seconds: float, say: Callable[[str], None]
     robot = Robot.of(file)
     blocks = build_blocks(robot.mission)
     warm_up(robot.mission)
+    if robot.mission.chair.flipper is None:
+        say("no flipper: floors, ramps and kerbs within its limits; a flight beyond them is refused before it is entered")
     events: list[Event] = []
     camera, t_s = camera_of(file), 0.0
     with _connected(robot, camera, say) as client:

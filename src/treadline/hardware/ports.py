@@ -57,6 +57,8 @@ class DriveState:
     """Error as the box names it, in one line; None without one."""
     voltage_v: float | None
     """Battery voltage [V]; None if it is not measured."""
+    note: str | None = None
+    """What the link measured of the drives, for the person; None before."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -18,11 +18,15 @@ from treadline.scenario.chair import read_chair
 LINKS = {
     "serial": "treadline.hardware._serial_link:SerialLink",
     "can": "treadline.hardware._can_link:CanSimpleLink",
+    "base": "treadline.hardware._base_link:BaseLink",
+    "vesc": "treadline.hardware._base_link:BaseLink",
     "bno055": "treadline.hardware._bno055:Bno055Link",
     "keyboard": "treadline.hardware._handset:Keyboard",
     "gamepad": "treadline.hardware._handset:Gamepad",
 }
 """Class of each link that has a name."""
+MORE = {"vesc": {"wire": "treadline.hardware._vesc_wire:VescWire"}}
+"""Options that a name stands for."""
 SHARED = ("drives", "imu")
 """Tables whose device may carry other ports as well."""
 Sign = Literal[-1, 1]
@@ -47,7 +51,7 @@ class LinkTable(Settings):
     model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False, strict=True)
 
     link: str
-    """Name or class: serial, can, bno055, keyboard, gamepad, module:Class; drives or imu where that table's link reads it."""
+    """Name of ``LINKS``, or module:Class; drives or imu where that table's link reads it."""
 
     @model_validator(mode="after")
     def _has_a_class(self) -> "LinkTable":
@@ -58,7 +62,7 @@ class LinkTable(Settings):
     @property
     def request(self) -> dict[str, object]:
         """Class of the link and its options."""
-        return {"class": LINKS.get(self.link, self.link), "options": dict(self.model_extra or {})}
+        return {"class": LINKS.get(self.link, self.link), "options": MORE.get(self.link, {}) | (self.model_extra or {})}
 
 
 class SignsTable(Settings):

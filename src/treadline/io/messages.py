@@ -3,8 +3,7 @@
 What is ours travels in ``treadline_msgs``, whose fields have the names of the signals' own; images, IMU, poses and diagnostics are
 standard types. ``standard_messages`` has the standard types that ROS 1, and logs of release 0.3 and before, hold for the rest.
 
-A missing value is NaN in a message, or an empty text, and None in a signal. A pose on ``/stair/heading`` or ``/stair/map`` is for
-viewers; only the exact ``…/detail`` is read.
+A missing value is NaN in a message, or an empty text, and None in a signal.
 """
 
 import math
@@ -27,7 +26,6 @@ Write = Callable[[Any, str], list[RosMessage]]
 
 IMAGE, CAMERA_INFO, IMU = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo", "sensor_msgs/msg/Imu"
 JOINTS, STATUS = "sensor_msgs/msg/JointState", "diagnostic_msgs/msg/DiagnosticArray"
-POSE, POSES = "geometry_msgs/msg/PoseWithCovarianceStamped", "geometry_msgs/msg/PoseArray"
 COMPRESSED = "sensor_msgs/msg/CompressedImage"
 TRUTH_NAMES = tuple(item.name for item in fields(Truth) if item.name != "t_s")
 """Names of the ground-truth quantities in a log."""
@@ -40,7 +38,7 @@ class _Own(NamedTuple):
     message: str
     frame: str = "base_link"
     end: str = ""
-    """What the message's own topic adds to the default topic, where that holds a pose for viewers."""
+    """What the topic of a message adds to the default topic, on which ROS 1 and logs of release 0.3 have a pose for viewers."""
 
     @property
     def kind(self) -> str:
@@ -171,7 +169,7 @@ def topic_of(signal: Any) -> str:
 
 def _own(signal: Any, topic: str) -> list[RosMessage]:
     kind: type = type(signal)
-    return [Form(kind).message(signal, topic)]
+    return [Form(kind).message(signal, topic + OWN[kind].end)]
 
 
 def joints(
@@ -197,19 +195,6 @@ def _imu(sample: signals.ImuSample, topic: str) -> list[RosMessage]:
     qw, *q = sample.orientation
     rate, force = sample.angular_velocity_rad_s, sample.linear_acceleration_m_s2
     return [RosMessage(topic, IMU, (*stamp(sample.t_s), "imu", *q, qw, *_UNKNOWN, *rate, *_UNKNOWN, *force, *_UNKNOWN))]
-
-
-def _heading(signal: signals.HeadingEstimate | signals.HeadingMeasurement, topic: str) -> list[RosMessage]:
-    half = 0.5 * signal.heading_rad
-    values = (*(0.0,) * 5, math.sin(half), math.cos(half), *(0.0,) * 35, signal.sigma_rad * signal.sigma_rad)
-    return [RosMessage(topic, POSE, (*stamp(signal.t_s), "stair", *values)), *_own(signal, topic + DETAIL)]
-
-
-def _stair_map(stair: signals.StairMap, topic: str) -> list[RosMessage]:
-    values = [x for place in stair.nosings_B for x in (*place, 0.0, 0.0, 0.0, 1.0)]
-    count = len(stair.nosings_B)
-    poses = RosMessage(topic, POSES, (*stamp(stair.t_s), "chair", count, *values), (count,))
-    return [poses, *_own(stair, topic + DETAIL)]
 
 
 def _event(event: signals.Event, topic: str) -> list[RosMessage]:
@@ -265,9 +250,6 @@ def _known_type(signal: Any) -> tuple[str, Write]:
 
 _WRITERS: dict[type, tuple[str, Write]] = {
     **{signal: (own.topic, _own) for signal, own in OWN.items()},
-    signals.HeadingMeasurement: (OWN[signals.HeadingMeasurement].topic, _heading),
-    signals.HeadingEstimate: (OWN[signals.HeadingEstimate].topic, _heading),
-    signals.StairMap: (OWN[signals.StairMap].topic, _stair_map),
     signals.ImuSample: ("/imu", _imu),
     RgbdFrame: ("/camera", images_of),
     signals.Event: ("/diagnostics", _event),

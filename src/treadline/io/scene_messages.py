@@ -23,8 +23,10 @@ FRAMES = "tf2_msgs/msg/TFMessage"
 ODOMETRY = "nav_msgs/msg/Odometry"
 MARKERS = "visualization_msgs/msg/MarkerArray"
 TEXT = "std_msgs/msg/String"
-LINE_LIST, TRIANGLE_LIST = 5, 11
+LINE_LIST, TEXT_FACING, TRIANGLE_LIST = 5, 9, 11
 """Types of a visualization_msgs/Marker."""
+ADD, DELETE_ALL = 0, 3
+"""Actions of a visualization_msgs/Marker."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -40,7 +42,7 @@ class FramePose:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Marker:
-    """Triangles or lines of one colour in a frame."""
+    """Triangles, lines or a text of one colour in a frame."""
 
     frame: str
     name: str
@@ -48,10 +50,16 @@ class Marker:
     """Number within the markers of one name; a later marker with equal name and number replaces this one."""
     kind: int
     points_m: Float[np.ndarray, "n 3"]
-    """Corners of triangles, or ends of lines, in order."""
+    """Corners of triangles, or ends of lines, in order; of a text its place."""
     rgba: tuple[float, float, float, float]
     width_m: float = 1.0
-    """Width of lines; triangles have a scale of 1."""
+    """Width of lines, height of a text; triangles have a scale of 1."""
+    text: str = ""
+    action: int = ADD
+
+
+CLEAR = Marker(frame=BASE, name="", number=0, kind=0, points_m=np.zeros((0, 3)), rgba=(0.0,) * 4, action=DELETE_ALL)
+"""Removes all markers of a topic; those that follow it in one message are drawn."""
 
 
 def marker_of(part: MeshPart, frame: str) -> Marker:
@@ -92,7 +100,7 @@ def odometry_message(topic: str, t_s: float, pose: FramePose, speed_m_s: float, 
 def markers_message(topic: str, t_s: float, markers: Sequence[Marker]) -> RosMessage:
     """Return a MarkerArray; its markers move with their frames and stay until they are replaced."""
     values = [value for marker in markers for value in _marker(t_s, marker)]
-    lengths = [count for marker in markers for count in (len(marker.points_m), 0, 0)]
+    lengths = [count for marker in markers for count in (0 if marker.text else len(marker.points_m), 0, 0)]
     return RosMessage(topic, MARKERS, (len(markers), *values), (len(markers), *lengths))
 
 
@@ -109,12 +117,13 @@ def compressed_message(topic: str, t_s: float, frame: str, jpeg: bytes) -> RosMe
 def _marker(t_s: float, marker: Marker) -> list[Any]:
     """Return the values of a visualization_msgs/Marker."""
     across = 1.0 if marker.kind == TRIANGLE_LIST else 0.0
-    place, scale = (*(0.0,) * 6, 1.0), (marker.width_m, across, across)
-    added, for_good, locked, plain = 0, (0, 0), True, 0
+    origin, points = ((0.0,) * 3, marker.points_m) if not marker.text else (marker.points_m[0].tolist(), marker.points_m[:0])
+    place, scale = (*origin, *(0.0,) * 3, 1.0), (marker.width_m, across, marker.width_m if marker.text else across)
+    for_good, locked, plain = (0, 0), True, 0
     image, mesh = (*stamp(0.0), "", "", b""), ("", "", b"", False)
-    texture = ("", *image, 0, "")
+    texture = ("", *image, 0, marker.text)
     return [
-        *(*stamp(t_s), marker.frame, marker.name, marker.number, marker.kind, added),
+        *(*stamp(t_s), marker.frame, marker.name, marker.number, marker.kind, marker.action),
         *(*place, *scale, *marker.rgba, *for_good, locked),
-        *(len(marker.points_m), *marker.points_m.ravel().tolist(), plain, *texture, *mesh),
+        *(len(points), *points.ravel().tolist(), plain, *texture, *mesh),
     ]

@@ -4,6 +4,7 @@ Belts, seat and ground truth are ``JointState`` messages: names with numbers. Wh
 without a measurement are left out.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import MISSING, fields
 from functools import cache
@@ -13,9 +14,10 @@ from treadline.core import signals
 from treadline.core.camera_images import RgbdFrame
 from treadline.core.errors import LogFormatError
 from treadline.core.ports import Truth
-from treadline.io.message_types import RosMessage
+from treadline.io.message_types import RosMessage, stamp
 from treadline.io.messages import (
     CAMERA,
+    DETAIL,
     IMU,
     JOINTS,
     OWN,
@@ -39,9 +41,9 @@ def standard_messages_of(signal: Any, topic: str | None = None) -> list[RosMessa
     topic = topic or topic_of(signal)
     match signal:
         case signals.HeadingEstimate() | signals.HeadingMeasurement():
-            return [messages_of(signal, topic)[0], _Joints(type(signal)).write(signal, f"{topic}/detail")]
+            return [_pose(signal, topic), _Joints(type(signal)).write(signal, topic + DETAIL)]
         case signals.StairMap():
-            return [messages_of(signal, topic)[0], _write_map(signal, f"{topic}/detail")]
+            return [_poses(signal, topic), _write_map(signal, topic + DETAIL)]
         case RgbdFrame():
             return images_of(signal, topic, CAMERA)  # the name of the camera's optical frame in ROS 1
         case signals.MotionPlan():
@@ -55,6 +57,23 @@ def standard_messages_of(signal: Any, topic: str | None = None) -> list[RosMessa
         case _ if type(signal) in JOINTED:
             return [_Joints(type(signal)).write(signal, topic)]
     return messages_of(signal, topic)
+
+
+# ---- poses for viewers ----
+
+POSE, POSES = "geometry_msgs/msg/PoseWithCovarianceStamped", "geometry_msgs/msg/PoseArray"
+
+
+def _pose(signal: signals.HeadingEstimate | signals.HeadingMeasurement, topic: str) -> RosMessage:
+    half = 0.5 * signal.heading_rad
+    values = (*(0.0,) * 5, math.sin(half), math.cos(half), *(0.0,) * 35, signal.sigma_rad * signal.sigma_rad)
+    return RosMessage(topic, POSE, (*stamp(signal.t_s), "stair", *values))
+
+
+def _poses(stair: signals.StairMap, topic: str) -> RosMessage:
+    values = [x for place in stair.nosings_B for x in (*place, 0.0, 0.0, 0.0, 1.0)]
+    count = len(stair.nosings_B)
+    return RosMessage(topic, POSES, (*stamp(stair.t_s), "chair", count, *values), (count,))
 
 
 # ---- JointState ----

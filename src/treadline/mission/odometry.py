@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from treadline.core.rotations import Vector3
+from treadline.core.rotations import Rotation, Vector3
 from treadline.core.signals import ImuSample, Quaternion, TrackReading, Vector
 from treadline.core.step_sizes import ON_A_FLIGHT_RAD
 
@@ -26,6 +26,8 @@ class Odometry:
     """The IMU's quaternion (w, x, y, z) of B in O: its yaw drifts."""
     speed_m_s: float
     angular_velocity_rad_s: Vector
+    X_OS: tuple[Rotation, Vector3] | None = None
+    """Pose of the stair ahead, R_OS and p_OS, for viewers; None before one is in view. S is on the nearest nosing in view."""
 
 
 class DeadReckoning:

@@ -15,7 +15,16 @@ from treadline.core.signals import CommandSource, Event, VelocityCommand
 from treadline.io.images import Pairing, with_mount
 from treadline.io.message_types import RosMessage, message_of, stamp, stamped_s, store
 from treadline.io.messages import CAMERA, DETAIL, STATUS, joints, messages_of, status
-from treadline.io.scene_messages import BASE, ODOMETRY, FramePose, camera_frames, frames_message, odometry_message
+from treadline.io.scene_messages import (
+    BASE,
+    CLEAR,
+    ODOMETRY,
+    FramePose,
+    camera_frames,
+    frames_message,
+    markers_message,
+    odometry_message,
+)
 from treadline.io.standard_messages import signal_reader, standard_messages_of
 from treadline.mission.odometry import Odometry
 from treadline.ros import channels as on
@@ -50,7 +59,9 @@ def messages_on(channel: str, signal: Any, *, ros1: bool) -> list[RosMessage]:
             status_fields = (int(signal.state != "ready"), signal.node, signal.state, NODE)
             return [status(channel, signal.t_s, status_fields, {}, signal.node)]
         case Odometry():
-            return _odometry_messages(channel, signal)
+            return _odometry_messages(channel, signal, ros1=ros1)
+        case on.StairMarkers():
+            return [] if ros1 else [markers_message(channel, signal.t_s, (CLEAR, *signal.markers))]
         case on.JointAngles():
             return [joints(channel, signal.t_s, signal.names, signal.angles_rad, (), "chair")]
         case on.Mounts():
@@ -77,7 +88,7 @@ class Decoder:
     ) -> None:
         self._ros1 = ros1
         self._mount = mount
-        topics = [topic for topic in on.CHANNELS[channel].topics if topic.read]
+        topics = [topic for topic in on.CHANNELS[channel].topics_of(ros1=ros1) if topic.read]
         self._kinds = {topic.name: (kinds or {}).get(topic.name) or topic.kind_of(ros1=ros1) for topic in topics}
         for kind in self._kinds.values():
             store(ros1=ros1).get_msgdef(kind)  # compiled now: the guard holds for a node that stands still
@@ -113,11 +124,15 @@ def _frame(pairing: Pairing, role: str, message: Any, t_s: float) -> RgbdFrame |
     return next((frame for frame, _ in pairing.take(role, message, t_s)), None)
 
 
-def _odometry_messages(channel: str, odometry: Odometry) -> list[RosMessage]:
-    """Return the pose and the transform of an odometry."""
+def _odometry_messages(channel: str, odometry: Odometry, *, ros1: bool) -> list[RosMessage]:
+    """Return the pose of an odometry, and the transforms of the chair and, in ROS 2, of the stair."""
     pose = FramePose(parent="odom", child=BASE, place_m=tuple(odometry.p_OB.tolist()), quaternion=odometry.orientation)
     moved = odometry_message(channel, odometry.t_s, pose, odometry.speed_m_s, odometry.angular_velocity_rad_s)
-    return [moved, frames_message("/tf", odometry.t_s, [pose])]
+    poses = [pose]
+    if not ros1 and odometry.X_OS is not None:
+        R, p = odometry.X_OS
+        poses.append(FramePose(parent="odom", child="stair", place_m=tuple(p.tolist()), quaternion=quaternion_of(R)))
+    return [moved, frames_message("/tf", odometry.t_s, poses)]
 
 
 def _sensors(camera: PinholeCamera, *, ros1: bool) -> list[FramePose]:

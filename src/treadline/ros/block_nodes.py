@@ -35,6 +35,7 @@ from treadline.mission.loop import Estimator
 from treadline.mission.odometry import DeadReckoning
 from treadline.mission.planner import Planner, PlannerInput
 from treadline.ros import channels as on
+from treadline.ros.stair_view import StairView
 from treadline.vehicle.linkage import SeatLinkage
 
 ODOM_TICKS = 5
@@ -137,7 +138,7 @@ class CameraNode(_AdmittingNode):
 class HeadingNode(_AdmittingNode):
     """``ImuSample, TrackReading, HeadingMeasurement -> HeadingEstimate, HeadingHealth``.
 
-    ``Odometry, JointAngles, Mounts`` are published for others.
+    ``Odometry, JointAngles, Mounts, StairMarkers`` are published for others.
 
     Args:
         estimator: Heading filter.
@@ -147,7 +148,7 @@ class HeadingNode(_AdmittingNode):
     """
 
     name = "heading"
-    publishes = (on.ESTIMATE, on.HEALTH, on.ODOM, on.JOINT_STATES, on.MOUNTS)
+    publishes = (on.ESTIMATE, on.HEALTH, on.ODOM, on.JOINT_STATES, on.STAIR_MARKERS, on.MOUNTS)
     needs = ((on.IMU,),)
 
     def __init__(
@@ -159,7 +160,7 @@ class HeadingNode(_AdmittingNode):
     ) -> None:
         self._estimator = estimator
         super().__init__(config)
-        self._reckoning = DeadReckoning()
+        self._reckoning, self._view = DeadReckoning(), StairView()
         self._linkage = linkage
         self._joints: dict[str, float] = {}
         self._mount = mount
@@ -173,6 +174,8 @@ class HeadingNode(_AdmittingNode):
         self._subscribe(transport, on.IMU, self._reckoning.update, self._step)
         self._subscribe(transport, on.TRACKS, self._step, self._reckon)
         transport.subscribe(on.MEASURED, self._step)
+        for channel in (on.MAP, on.GROUND, on.PLAN, on.GUARD):
+            transport.subscribe(channel, self._view.update)
         angle_at = None if self._linkage is None else self._linkage.nearest_angle
         if angle_at is not None:
             self._subscribe(transport, on.SEAT, lambda seat: self._joints.update(seat_joint=angle_at(seat.stroke_m)))
@@ -195,7 +198,8 @@ class HeadingNode(_AdmittingNode):
     def _reckon(self, reading: TrackReading) -> None:
         odometry = self._reckoning.step(reading)
         if odometry is not None and round(reading.t_s / TICK_S) % ODOM_TICKS == 0:
-            self._publish(on.ODOM, odometry)
+            self._publish(on.ODOM, replace(odometry, X_OS=self._view.pose(odometry)))
+            self._publish(on.STAIR_MARKERS, self._view.markers(odometry.t_s))
             if self._joints:
                 names, angles = zip(*self._joints.items(), strict=True)
                 self._publish(on.JOINT_STATES, on.JointAngles(t_s=reading.t_s, names=names, angles_rad=angles))
@@ -204,6 +208,7 @@ class HeadingNode(_AdmittingNode):
         estimate = self._estimator.step(signal)
         if estimate is not None and estimate != self._estimate:  # a belt reading seldom changes the estimate
             self._estimate = estimate
+            self._view.update(estimate)
             self._publish(on.ESTIMATE, estimate)
 
 

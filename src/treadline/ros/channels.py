@@ -7,13 +7,15 @@ Paper: Fig. 7. Clock, heartbeat, state of the guard, joint angles and mounts are
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.signals import CommandSource
 from treadline.io.message_types import PACKAGE
-from treadline.io.messages import CAMERA_INFO, IMAGE, JOINTS, OWN, POSE, POSES, STATUS
+from treadline.io.messages import CAMERA_INFO, IMAGE, JOINTS, OWN, STATUS
 from treadline.io.messages import IMU as IMU_TYPE
-from treadline.io.scene_messages import FRAMES, ODOMETRY
+from treadline.io.scene_messages import FRAMES, MARKERS, ODOMETRY, Marker
+from treadline.io.standard_messages import POSE, POSES
 
 CLOCK = "/clock"
 IMU = "/imu"
@@ -40,6 +42,7 @@ TRUTH = "/truth"
 TWIST = "/cmd_vel"
 ODOM, MOUNTS = "/odom", "/tf_static"
 JOINT_STATES = "/joint_states"
+STAIR_MARKERS = "/stair/markers"
 
 CLOCK_TYPE = "rosgraph_msgs/msg/Clock"
 TWIST_TYPE, TWIST_STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
@@ -57,6 +60,8 @@ class Topic:
     """The message type in ROS 1, a standard one; empty where it is the same."""
     read: bool = True
     """Whether our nodes read it; others are for people and their tools."""
+    only: Literal["", "ros1", "ros2"] = ""
+    """The ROS that has the topic; empty for both."""
 
     def kind_of(self, *, ros1: bool) -> str:
         """Return the message type in ROS 1 or 2."""
@@ -72,6 +77,10 @@ class Channel:
     """Queue length: only the newest image or command is of use, the inputs of a filter must be complete."""
     kept: bool = False
     """Whether later subscribers get the last message: ROS 1's latch, ROS 2's transient local."""
+
+    def topics_of(self, *, ros1: bool) -> tuple[Topic, ...]:
+        """Return the topics in ROS 1 or 2."""
+        return tuple(topic for topic in self.topics if topic.only != ("ros2" if ros1 else "ros1"))
 
 
 def _one(name: str, kind: str, depth: int) -> Channel:
@@ -91,7 +100,7 @@ _KNOWN = {own.topic: own for own in OWN.values()}
 
 def _own(name: str, depth: int, ros1: str = JOINTS, pose: str = "") -> Channel:
     own = _KNOWN[LIKE.get(name, name)]
-    viewed = (Topic(name=name, kind=pose, read=False),) if pose else ()
+    viewed = (Topic(name=name, kind=pose, read=False, only="ros1"),) if pose else ()
     return Channel(topics=(*viewed, Topic(name=name + own.end, kind=own.kind, ros1=ros1)), depth=depth)
 
 
@@ -135,6 +144,7 @@ CHANNELS: dict[str, Channel] = {
     TWIST: Channel(topics=(Topic(name=TWIST, kind=TWIST_STAMPED, ros1=TWIST_TYPE),), depth=1),
     ODOM: Channel(topics=(Topic(name=ODOM, kind=ODOMETRY), Topic(name="/tf", kind=FRAMES, read=False)), depth=10),
     JOINT_STATES: Channel(topics=(Topic(name=JOINT_STATES, kind=JOINTS, read=False),), depth=10),
+    STAIR_MARKERS: Channel(topics=(Topic(name=STAIR_MARKERS, kind=MARKERS, read=False, only="ros2"),), depth=1),
     MOUNTS: Channel(topics=(Topic(name=MOUNTS, kind=FRAMES, read=False),), depth=1, kept=True),
 }
 SENSORS = (IMU, TRACKS, SEAT, FLIPPER, OPERATOR, CAMERA)
@@ -236,3 +246,11 @@ class Mounts:
 
     t_s: float
     camera: PinholeCamera
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StairMarkers:
+    """Drawing of the stair, the way over it and the hold, for viewers."""
+
+    t_s: float
+    markers: tuple[Marker, ...]

@@ -99,7 +99,7 @@ class WireTransport:
         if channel in self._announced:
             return
         self._announced.add(channel)
-        for topic in CHANNELS[channel].topics:
+        for topic in CHANNELS[channel].topics_of(ros1=self.ros1):
             kind = self._kind(topic)
             if self.ros1:
                 store().get_msgdef(kind)  # compiled before the node turns
@@ -115,7 +115,7 @@ class WireTransport:
         """Subscribe to a channel."""
         spec = CHANNELS[channel]
         decoder = self._decoder(channel)
-        for topic in spec.topics:
+        for topic in spec.topics_of(ros1=self.ros1):
             if not topic.read:
                 continue
             first = topic.name not in self._takers
@@ -164,7 +164,7 @@ class WireTransport:
 
     def newest(self, channel: str) -> Any | None:
         """Return the last signal received on a channel of one topic, whether processed or queued; None if broken or before it."""
-        (topic,) = CHANNELS[channel].topics
+        (topic,) = CHANNELS[channel].topics_of(ros1=self.ros1)
         data = self.inbox.newest.get(topic.name)
         try:
             return None if data is None else self._decoder(channel).signal(topic.name, data)
@@ -173,7 +173,7 @@ class WireTransport:
 
     def trouble(self, channel: str) -> str | None:
         """Return why a channel has no messages (broken, wrong type, no publisher), as far as it is known; otherwise None."""
-        for topic in CHANNELS[channel].topics:
+        for topic in CHANNELS[channel].topics_of(ros1=self.ros1):
             if not topic.read:
                 continue
             if topic.name in self._failing:

@@ -34,9 +34,7 @@ from treadline.io.mcap_log import RunLog
 from treadline.io.messages import camera_name, joints, optical_frame
 from treadline.io.scene_messages import (
     BASE,
-    LINE_LIST,
     FramePose,
-    Marker,
     camera_frames,
     compressed_message,
     frames_message,
@@ -45,6 +43,7 @@ from treadline.io.scene_messages import (
     odometry_message,
     text_message,
 )
+from treadline.io.stair_markers import nosings_marker
 from treadline.mission import Detection, Detector
 from treadline.mission.loop import Signal
 from treadline.mission.odometry import DeadReckoning, Odometry
@@ -52,7 +51,7 @@ from treadline.perception.detector import FrameResult
 from treadline.perception.overlay import as_jpeg, overlay
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.scenario import Belts, Chair
-from treadline.vehicle.appearance import LINKAGE_BODIES, chair_parts, colour, resting_lugs, stair_parts
+from treadline.vehicle.appearance import LINKAGE_BODIES, chair_parts, resting_lugs, stair_parts
 from treadline.vehicle.bodies import Vehicle, flipper_turns, vehicle
 from treadline.vehicle.linkage import SeatLinkage
 from treadline.vehicle.staircase import Staircase
@@ -64,10 +63,6 @@ BATCH = 500
 """Signals that are written together: those of half a second, 1 MB of messages at most."""
 PLAN_TICKS = 10
 """Ticks between two plans of an unchanged phase: 10 Hz."""
-SEEN_HALF_M = 0.5
-"""Half length of a detected nosing whose ends are out of view [m]: half of a stair of common width."""
-SEEN_WIDTH_M = 0.012
-"""Drawn width of a detected nosing [m]."""
 
 
 class SceneLog:
@@ -152,7 +147,10 @@ class SceneLog:
             case HeadingMeasurement():
                 self._measured = signal
             case StairMap():
-                self._log.add([markers_message("/stair/seen", signal.t_s, [self._seen(signal)])], signal.t_s, taken_s)
+                measured = self._measured
+                heading_rad = 0.0 if measured is None or measured.t_s != signal.t_s else measured.heading_rad
+                seen = nosings_marker(signal, heading_rad)
+                self._log.add([markers_message("/stair/seen", signal.t_s, [seen])], signal.t_s, taken_s)
             case Truth():
                 self._has_truth = True
                 if _is_due(signal.t_s, SCENE_TICKS):
@@ -217,24 +215,6 @@ class SceneLog:
         elif t_s - self._placed_s >= SCENE_TICKS * TICK_S - PERIOD_ROUNDING_S:
             self._placed_s = t_s
             self._place(t_s, taken_s, None)
-
-    def _seen(self, stair: StairMap) -> Marker:
-        """Return the detected nosings as lines in B, turned by the heading measured in the same frame."""
-        measured = self._measured
-        heading = 0.0 if measured is None or measured.t_s != stair.t_s else measured.heading_rad
-        left = SEEN_HALF_M if stair.left_edge_m is None else stair.left_edge_m
-        right = SEEN_HALF_M if stair.right_edge_m is None else stair.right_edge_m
-        nosings_B, across = np.array(stair.nosings_B), np.array([math.sin(heading), math.cos(heading), 0.0])
-        ends = np.stack([nosings_B + left * across, nosings_B - right * across], axis=1).reshape(-1, 3)
-        return Marker(
-            frame="chair",
-            name="seen",
-            number=0,
-            kind=LINE_LIST,
-            points_m=ends,
-            rgba=(*colour("seen_nosing"), 1.0),
-            width_m=SEEN_WIDTH_M,
-        )
 
 
 class WatchedDetector:

@@ -22,7 +22,7 @@ app = cyclopts.App(name="python -m treadline.hardware.emulators", help_epilogue=
 
 @app.default
 def emulate(
-    link: Literal["serial", "can"],
+    link: Literal["serial", "can", "base", "vesc"],
     /,
     *,
     port: Path = Path("chair"),
@@ -38,25 +38,30 @@ def emulate(
     A fault that is typed, KIND or KIND=VALUE and Enter, begins at once; an empty line ends all faults.
 
     Args:
-        link: Link to the drives: serial, a line behind a pseudo-terminal; or can, a bus of python-can's udp_multicast with the axes
-            1 (left) and 2 (right), whose motors turn the chair's pulleys directly. The sensors are on the serial line in both.
+        link: Link to the drives: serial, a line behind a pseudo-terminal; can and vesc, a bus of python-can's udp_multicast with
+            the drives 1 (left) and 2 (right), whose motors turn the chair's pulleys (of vesc, 7 pole pairs and a gear of 10); or
+            base, speeds and odometry in datagrams. The sensors are on the serial line in all.
         port: Path of the serial port: a link to the pseudo-terminal.
         channel: Multicast address that carries the CAN bus.
-        udp_port: Port that carries the CAN bus.
+        udp_port: Port that carries the CAN bus, or the speeds of a base.
         scenario: Scenario, by name or file: stair, chair, load and start.
         seed: Random seed of the stair and of the sensors' noise.
         fault: Fault as KIND@START or KIND@START=VALUE, in seconds of the emulator's clock; may be repeated.
         pace: Emulated seconds in a second of the wall clock.
     """
     faults = Faults(fault or [])
-    if link == "can":
+    if link != "serial":
+        from treadline.hardware.emulators._base import DatagramBase, VescDrives
         from treadline.hardware.emulators._can import CanAxes
+
+        kinds: dict[str, Any] = {"can": CanAxes, "base": DatagramBase, "vesc": VescDrives}
     chair = EmulatedChair(scenario, seed, faults, FrameFile(port))
     bus = {"interface": "udp_multicast", "channel": channel, "port": udp_port, "fd": False}
     with real_time(LOOP) as granted:  # a chair does not slow down with the computer that drives it
         terminal = Terminal(port)
-        box: Any = SerialBox(chair, faults, terminal) if link == "serial" else CanAxes(chair, faults, terminal, bus)
-        _say(f"chair at {port}{'' if link == 'serial' else f', drives on {channel}'}; Ctrl-C ends it")
+        made = chair, faults, terminal
+        emulated: Any = SerialBox(*made) if link == "serial" else kinds[link](*made, bus)
+        _say(f"chair at {port}{'' if link == 'serial' else f', drives on {channel} {udp_port}'}; Ctrl-C ends it")
         _say(granted)
         due_s = time.monotonic()
         while True:
@@ -64,7 +69,7 @@ def emulate(
                 faults.type(line, chair.t_s)
                 _say(f"{chair.t_s:.2f} s: fault {line or 'none'}")
             t_s = chair.t_s
-            for event in box.step():
+            for event in emulated.step():
                 _say(f"{t_s:.2f} s: {event}")
             # A late tick delays all later ones: a busy computer slows the chair down and does not leave it without commands.
             due_s = max(due_s + TICK_S / pace, time.monotonic())

@@ -30,6 +30,11 @@ KINDS = {
     "swapped_belts": "the box's left output drives the right belt",
     "left_reversed": "the left belt runs backwards",
     "right_reversed": "the right belt runs backwards",
+    "ignores_zero": "a base ignores commands of zero",
+    "moves": "a base moves by itself",
+    "jump": "the odometry of a base jumps by 1 m once",
+    "other_frame": "the odometry of a base is of another frame",
+    "two_bases": "two bases publish odometry",
 }
 """Kinds of faults and what each does."""
 WRITTEN = re.compile(r"(?P<kind>\w+)(?:@(?P<start>[\d.]+))?(?:=(?P<value>[\d.]+))?")

@@ -1,0 +1,3 @@
+// Stub of the generated message for the test.
+#pragma once
+#include "geometry_msgs/msg/pose_stamped.hpp"
