@@ -171,25 +171,9 @@ def scores_of(drive: Drive, refused: float) -> dict[str, list[float]]:
                 found[f"NEES {name}"].append((off / sigma) ** 2)
         if about_to_mount and moment.scene in ("mount", "flight"):
             found["on the flight"].extend(error[near])
-        sigma = ahead_sigma_m(tracker)
+        sigma = np.array(tracker.ahead_sigma_m())
         found["NEES before" if not about_to_mount else "NEES flight"].extend(((error / sigma) ** 2)[near & np.isfinite(sigma)])
     return found
-
-
-def ahead_sigma_m(tracker: StairTracker) -> Float[np.ndarray, " n"]:
-    """Return the standard deviation of each of ``ahead_m`` by the tracker's filter [m]; it grows with travel since the last map.
-
-    Infinite for a nosing that the chair has passed: its distance is that of odometry.
-    """
-    joint, pitch_rad, nosings = tracker._filter, tracker.pitch_rad, tracker._nosings  # noqa: SLF001 - no block reads the deviation
-    along = np.array([math.cos(pitch_rad) / math.cos(tracker.heading_rad), math.sin(pitch_rad)])
-    sigmas = []
-    for nosing in tracker._known:  # noqa: SLF001
-        at = np.array([0, 1, *(4 + 4 * nosings.index(nosing) + np.arange(2))]) if nosing in nosings else None
-        away = np.concatenate([-along, along])
-        drift = float(along @ joint._drift(pitch_rad, slides=False) @ along)  # noqa: SLF001
-        sigmas.append(math.inf if at is None else math.sqrt(float(away @ joint.covariance[np.ix_(at, at)] @ away) + drift))
-    return np.array(sigmas)
 
 
 def main() -> None:

@@ -13,7 +13,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from jaxtyping import Float
-from stair_tracking import ahead_sigma_m
 from world import RISE_M, RUN_M, belts, imu, stair
 
 from treadline.core.signals import StairMap
@@ -102,7 +101,7 @@ class Drive:
         truth = (self.steps - [self.x_m, self.z_m]) @ [math.cos(self.pitch_rad), math.sin(self.pitch_rad)]
         ahead = np.array(self.tracker.ahead_m())
         error = ahead - truth[np.abs(ahead[:, None] - truth).argmin(axis=1)]
-        return error, ahead_sigma_m(self.tracker)
+        return error, np.array(self.tracker.ahead_sigma_m())
 
     def _move(self, way_m: float) -> None:
         before = np.array([self.x_m, self.z_m])

@@ -85,6 +85,13 @@ class NosingFilter:
         rows = np.ravel([(4 + 4 * number, 5 + 4 * number) for number in numbers]).astype(int)
         return np.asarray(self.covariance[np.ix_(rows, rows)])
 
+    def ahead_covariance(self, number: int, pitch_rad: float) -> Float[np.ndarray, "2 2"]:
+        """Return the covariance of a nosing's place relative to the chair [m²], with the odometry's error since the last frame."""
+        row = 4 + 4 * number
+        both = np.array([0, 1, row, row + 1])
+        away = np.hstack([-np.eye(2), np.eye(2)])
+        return away @ self.covariance[np.ix_(both, both)] @ away.T + self._drift(pitch_rad, slides=False)
+
     def height_variances(self, pitch_rad: float, against: int | None) -> list[float]:
         """Return the variance of each nosing's height across the belts' line [m²].
 

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from operator import attrgetter
 from typing import Literal, NamedTuple
 
+import numpy as np
+
 from treadline.core.signals import Direction, ImuSample, Recent, SideKind, StairMap, TrackReading
 from treadline.core.step_sizes import ON_A_FLIGHT_RAD
 from treadline.estimation._nosing_filter import CORRELATED_M, FlightShape, NosingFilter
@@ -179,6 +181,19 @@ class StairTracker:
     def ahead_m(self) -> list[float]:
         """Return the distance of each known nosing ahead of mid-track along the belts [m], the lowest of the flight first."""
         return [self._ahead_m(nosing) for nosing in self._known]
+
+    def ahead_sigma_m(self) -> list[float]:
+        """Return the standard deviation of each of ``ahead_m`` [m]; it grows with travel since the last map.
+
+        Infinite for a nosing that the chair has passed: its distance is that of odometry.
+        """
+        along = np.array([math.cos(self.pitch_rad) / math.cos(self.heading_rad), math.sin(self.pitch_rad)])
+        return [
+            math.sqrt(float(along @ self._filter.ahead_covariance(self._nosings.index(nosing), self.pitch_rad) @ along))
+            if nosing in self._nosings
+            else math.inf
+            for nosing in self._known
+        ]
 
     def around(self, half_m: float) -> KnownNosings | None:
         """Return the known nosings relative to a chair whose flat run reaches ``half_m`` to either side; None without nosings."""
