@@ -12,7 +12,7 @@ from surfaces import CAMERA, ends_at, surface
 from treadline.core.angles import DEG
 from treadline.core.rotations import rotation_x, rotation_z
 from treadline.perception import DetectorConfig, StairDetector
-from treadline.perception._form import lateral_ends_of, sides_of
+from treadline.perception._form import sides_of
 from treadline.perception._plane_segmentation import surface_blocks
 from treadline.perception._step_parts import Axes
 
@@ -111,5 +111,5 @@ def test_no_flight_has_a_negative_width_under_a_rolled_camera(roll_deg: float) -
     upper, lower = (ends_at(np.arange(60, 260), np.full(200, row)) for row in (90.0, 110.0))
     treads = [surface(-axes.up, distance_m=1.0 + 0.1 * k, upper=upper, lower=lower) for k in range(3)]
     blocks = replace(surface_blocks(np.full((240, 320), 9.0, dtype=np.float32), camera), nearness=np.full((320, 240), np.nan))
-    left, right = sides_of(lateral_ends_of(treads, blocks, camera, axes))
+    left, right = sides_of(treads, blocks, camera, axes)
     assert left is None or right is None or left.aside_m < right.aside_m

@@ -45,7 +45,7 @@ def errors_and_strains(recipe: ViewRecipe, seeds: range) -> tuple[np.ndarray, np
     return np.array(errors), np.array(strains), len(looked(recipe, seeds))
 
 
-FRAMES = range(31_000, 31_024)
+FRAMES = range(31_000, 31_014)
 KINDS = {
     "up": ViewRecipe(scenes=("up",)),
     "open": ViewRecipe(scenes=("up",), open_risers=True),
@@ -73,14 +73,10 @@ def test_the_heading_of_stairs_of_all_kinds(kind: str) -> None:
 
 
 def test_what_lies_on_the_treads_costs_nothing() -> None:
-    errors, _, count = errors_and_strains(ViewRecipe(scenes=("up",), clutter=("mat",)), range(71_000, 71_040))
+    errors, _, count = errors_and_strains(ViewRecipe(scenes=("up",), clutter=("mat",)), range(71_000, 71_010))
     assert len(errors) >= count - 1
     # Seed 71002 was 3.7° off as long as a mat's edge counted as a nosing.
     assert np.abs(errors).max() < 0.3 * DEG
-
-
-def warped(warp_px: float, tilt_deg: float) -> ViewRecipe:
-    return ViewRecipe(grain_px=1.2, warp_px=warp_px, tread_tilt_deg=tilt_deg, nosing_yaw_jitter_deg=0.5 * tilt_deg)
 
 
 IRREGULAR = {"nosing_yaw_jitter_deg": 0.3, "tread_tilt_deg": 0.3}
@@ -88,13 +84,11 @@ IRREGULAR = {"nosing_yaw_jitter_deg": 0.3, "tread_tilt_deg": 0.3}
 # facing down they are half of the declared variance.
 # Before the warp of a poorly calibrated camera was one of the unknowns, 0.05 px gave 0.28° and an interval that held 80 %.
 INTERVALS = {
-    "irregular, up": (ViewRecipe(scenes=("up",), **IRREGULAR), range(32_000, 32_080), 0.5, 0.35),
-    "irregular, down": (ViewRecipe(scenes=("down",), **IRREGULAR), range(32_000, 32_080), 0.35, 0.35),
-    "perfect, up": (KINDS["up"], range(32_100, 32_180), 0.0, 0.1),
-    "perfect, top": (KINDS["top"], range(32_100, 32_180), 0.0, 0.1),
-    "perfect, edge": (KINDS["edge"], range(32_100, 32_180), 0.0, 0.1),
-    "warp, irregular": (warped(0.05, 0.3), range(32_200, 32_260), 0.3, 0.35),
-    "twice the warp": (warped(0.1, 0.0), range(32_200, 32_260), 0.3, 0.35),
+    "irregular, up": (ViewRecipe(scenes=("up",), **IRREGULAR), range(32_000, 32_060), 0.5, 0.35),
+    "irregular, down": (ViewRecipe(scenes=("down",), **IRREGULAR), range(32_000, 32_060), 0.35, 0.35),
+    "perfect, up": (KINDS["up"], range(32_100, 32_150), 0.0, 0.1),
+    "perfect, top": (KINDS["top"], range(32_100, 32_150), 0.0, 0.1),
+    "warped": (ViewRecipe(grain_px=1.2, warp_px=0.1), range(32_200, 32_250), 0.3, 0.35),
 }
 
 
@@ -105,7 +99,7 @@ def test_intervals_are_true(kind: str) -> None:
     assert len(errors) >= 0.93 * count
     assert np.median(errors / strains) < most_deg * DEG
     assert rms(errors) < 0.35 * DEG
-    # Of 80 frames a mean square of 1 scatters by 0.16 (its tails are heavier than a normal's), 95 % by 2.4 %.
+    # Of 60 frames a mean square of 1 scatters by 0.18 (its tails are heavier than a normal's), 95 % by 2.8 %.
     assert least < np.mean(strains**2) < (1.5 if "perfect" in kind else 1.6)
     assert np.mean(np.abs(strains) < 1.96) > (0.9 if "perfect" in kind else 0.88)
 
@@ -144,31 +138,25 @@ def test_a_bench_before_a_planter_has_no_step_below() -> None:
     assert DETECTOR.look(view.frame, view.gravity_C).heading_rad is None
 
 
+@pytest.mark.parametrize("pitch_deg", [None, 0.0, 15.0, 65.0])
 @pytest.mark.parametrize("scene", ROOM_SCENES)
-def test_a_scene_without_a_stair_yields_no_heading(scene: str) -> None:
-    for seed in range(33_000, 33_006):
-        view = draw_view(np.random.default_rng(seed), ViewRecipe(scenes=(scene,)))
+def test_a_scene_without_a_stair_yields_no_heading(scene: str, pitch_deg: float | None) -> None:
+    pitch = {} if pitch_deg is None else {"pitch_deg": (pitch_deg, pitch_deg)}
+    for seed in range(33_000, 33_003 if pitch_deg is None else 33_001):
+        view = draw_view(np.random.default_rng(seed), ViewRecipe(scenes=(scene,), **pitch))
         for gravity_C in (view.gravity_C, None):
             sight = DETECTOR.look(view.frame, gravity_C)
-            assert not sight.accepted, f"{scene}, seed {seed}"
+            assert not sight.accepted, f"seed {seed}"
             assert sight.reason
-
-
-@pytest.mark.parametrize("pitch_deg", [0.0, 15.0, 65.0])
-@pytest.mark.parametrize("scene", ["shelf", "steep", "ladder", "boxes", "wall"])
-def test_furniture_seen_from_any_angle_yields_no_heading(scene: str, pitch_deg: float) -> None:
-    for seed in range(34_000, 34_003):
-        view = draw_view(np.random.default_rng(seed), ViewRecipe(scenes=(scene,), pitch_deg=(pitch_deg, pitch_deg)))
-        assert not DETECTOR.look(view.frame, None).accepted, f"seed {seed}"
 
 
 @pytest.mark.parametrize(("scene", "least"), [("foot", 0.8), ("bottom", 0.7)])
 def test_two_treads_in_view_are_enough(scene: str, least: float) -> None:
-    seen = looked(ViewRecipe(scenes=(scene,)), range(34_700, 34_800))
+    seen = looked(ViewRecipe(scenes=(scene,)), range(34_700, 34_740))
     shown = [sight.accepted for truth, sight in seen if truth.treads_in_view >= 2]
-    # 254 of 264 near the foot and all of 209 before it, of other seeds; of 80, 92 % are two deviations below that.
-    assert np.mean(shown) >= 0.92
-    assert len(shown) >= 60
+    # 254 of 264 near the foot and all of 209 before it, of other seeds; of 30, 86 % are two deviations below that.
+    assert np.mean(shown) >= 0.86
+    assert len(shown) >= 24
     # Of the rest, the image shows one nosing: a doorstep before a wall looks the same. Walls begin level with the first riser.
     errors = [sight.heading_rad - truth.heading_rad for truth, sight in seen if sight.heading_rad is not None]
     assert len(errors) >= least * len(seen)
@@ -217,7 +205,7 @@ def test_walls_are_as_far_as_they_are() -> None:
 
 
 def test_obstacles_are_found_and_a_free_flight_is_free() -> None:
-    assert {declared.obstacle_m for declared, _ in maps(ViewRecipe(), range(38_000, 38_030))} == {None}
+    assert {declared.obstacle_m for declared, _ in maps(ViewRecipe(), range(38_000, 38_012))} == {None}
     looked = maps(ViewRecipe(clutter=("legs",)), range(38_100, 38_130))
     reported = [(declared.obstacle_m, truth.obstacle_m) for declared, truth in looked if truth.obstacle_m is not None]
     found = np.array([seen - there for seen, there in reported if seen is not None])

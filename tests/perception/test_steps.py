@@ -84,7 +84,7 @@ def test_a_quarter_landing_ends_the_flight_and_its_turn_is_named() -> None:
 
 @pytest.mark.parametrize("before", [None, 4])
 def test_a_straight_flight_does_not_turn(before: int | None) -> None:
-    for seed in range(2000, 2012):
+    for seed in range(2000, 2006):
         view = draw_frame(seed, "straight", before=before, sensor=SENSORS[seed % 3])
         sight = StairDetector().look(view.frame, view.gravity_C)
         assert sight.turn is None
@@ -92,8 +92,17 @@ def test_a_straight_flight_does_not_turn(before: int | None) -> None:
         assert len(sight.steps) >= 2
 
 
+@pytest.mark.parametrize("radius_m", [1.5, 6.0, 12.0])
+def test_a_winding_stair_is_not_accepted_as_straight(radius_m: float) -> None:
+    """Test: flights that turn by 1.3 to 11° per step. Expected result: refused. Where all nosings but one were taken for outliers,
+    or treads counted as level below the chair instead of at their steps, 10 of 42 were accepted."""
+    for seed in (910_001, 910_005, 910_009):
+        view = draw_frame(seed, f"winding {radius_m:g}", sensor=SENSORS[seed % 3])
+        assert not StairDetector().look(view.frame, view.gravity_C).accepted
+
+
 def test_a_room_has_no_steps() -> None:
-    for seed in range(2000, 2024):
+    for seed in range(2000, 2012):
         view = draw_frame(seed, "room", sensor=SENSORS[seed % 3])
         assert StairDetector().look(view.frame, view.gravity_C).steps == ()
 
@@ -112,7 +121,7 @@ def test_a_kerb_is_a_step_of_any_frame(size_m: float, least: int) -> None:
 
 @pytest.mark.parametrize("drop_m", [0.08, 0.15, 0.3, 0.6])
 def test_the_depth_of_a_drop_is_that_of_the_floor_below(drop_m: float) -> None:
-    for seed in range(2000, 2009):
+    for seed in range(2000, 2003):
         view = draw_frame(seed, "drop", size_m=drop_m, sensor=SENSORS[seed % 3])
         free = ground_ahead(view.frame, view.gravity_C).free
         # At 2 m gravity that is off by 0.6°, two deviations, is 2 cm; sizes in depth images are off by up to 3 %, as by multipath.

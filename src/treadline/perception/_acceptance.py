@@ -23,8 +23,6 @@ SLOPE_LIMIT = 45.0 * DEG
 """Largest accepted slope [rad]."""
 AGREEING = 0.7
 """Least fraction of consistent nosings: winders are not parallel."""
-STRAIGHT_LEAST = 2
-"""Least number of nosings with a direction, which are parallel on a straight flight."""
 SIGMA_LIMIT = 1.5 * DEG
 """Largest accepted standard deviation of the heading [rad]: (4° - 1°) / 1.96. By such a frame a chair that is square to within 1°
 is less than 4° off with 95 %, the largest heading error at which it drives down a flight. Noise falls as the chair approaches."""
@@ -34,8 +32,6 @@ bowed ones [rad]: the heading error of a chair that counts as square. It does no
 approaches."""
 UNSEEN_MIDDLE_M = 0.30
 """Assumed distance of the visible part of a bowed flight from its middle [m]."""
-CERTAIN = 0.9
-"""Probability above which a flight is called winding; below it, the heading's interval allows for it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -112,11 +108,11 @@ def _turned_away(finding: Finding) -> str | None:
 def _winding(finding: Finding) -> str | None:
     flight, fit = finding.flight, finding.fit
     turned_rad = fit.turn_per_step_rad * float(np.mean([nosing.ahead_m for nosing in flight.nosings])) / flight.run_m
-    if fit.winding > CERTAIN and abs(turned_rad) > FORM_LIMIT:
+    if fit.winding > 1.0 - LEFT_OUT and abs(turned_rad) > FORM_LIMIT:
         return f"the flight winds by {to_side(fit.turn_per_step_rad, fit.turn_sigma_rad, unit='° per step')}"
-    if fit.agreeing < AGREEING or (fit.agreeing * len(flight.nosings) < 1.5 and not flight.is_single):
+    if sum(fit.agrees) < AGREEING * sum(nosing.has_direction for nosing in flight.nosings):
         return f"the flight is not straight: nosings turned by up to {fit.widest_rad / DEG:.1f}° against each other"
-    if sum(nosing.has_direction for nosing in flight.nosings) < STRAIGHT_LEAST and not flight.is_single:
+    if fit.directed < 2 and not flight.is_single:
         return "too little is in view: one edge has a direction, and a straight flight is not distinguished from winders"
     return None
 

@@ -50,7 +50,8 @@ OUTLIER, OUTLIER_SIGMAS = 3.0 * DEG, 5.0
 """Surfaces whose directions differ by more than this angle [rad], and by this number of standard deviations, do not belong to one
 flight."""
 LEFT_OUT = 0.05
-"""Probability below which straight or winding does not enter the moments: its tail would otherwise dominate the variance."""
+"""Probability below which straight or winding does not enter the moments: its tail would otherwise dominate the variance. A flight
+that is straight with less is called winding."""
 
 
 DETOUR_RAD = 0.35 * DEG
@@ -87,8 +88,6 @@ class EdgeFit:
     down: Vector3
     covariance: Float[np.ndarray, "2 2"]
     """Covariance of the edge angles about the vertical and from horizontal [rad²]."""
-    agreeing: float
-    """Fraction of the nosings consistent with the estimate."""
     widest_rad: float
     """Largest angle about the vertical between a nosing and the edge direction [rad]."""
     winding: float
@@ -103,6 +102,8 @@ class EdgeFit:
     """Root of the mean square of the rotation of single steps about the vertical, built or by noise [rad]."""
     agrees: tuple[bool, ...]
     """Whether each nosing has a direction that is consistent with the estimate."""
+    directed: int
+    """Number of nosings of which a riser or a line is not an outlier."""
 
     def sigma_of(self, change: Vector3) -> float:
         """Return the standard deviation of a quantity with the differential ``change · de``."""
@@ -125,6 +126,8 @@ class _Normals:
     """Index of the nosing that rotates with the normal; -1 for none."""
     step: Int[np.ndarray, " k"]
     """Index of the step: that of a nosing, or a separate one for a tread without nosing; -1 for gravity."""
+    ahead: Float[np.ndarray, " k"]
+    """Number of steps from the chair: the edges of a winding flight turn by as many; 0 for gravity."""
 
     def only(self, chosen: Bool[np.ndarray, " k"]) -> "_Normals":
         """Return some of the normals."""
@@ -167,20 +170,21 @@ def fit_edges(
     has_direction = [nosing.has_direction for nosing in nosings]
     nosings = [nosing for nosing in nosings if nosing.has_direction]
     edge = start / np.linalg.norm(start)
-    normals = _normals(nosings, treads, down, edge, camera, spread_px, measures_range=measures_range)
-    steps = _steps_ahead(nosings, camera, axes_about(edge, down).ahead)
+    steps, treads_ahead = _steps_ahead(nosings, treads, camera, axes_about(edge, down).ahead)
+    normals = _normals(
+        nosings, treads, down, edge, camera, spread_px, np.array([*treads_ahead, *steps, 0.0]), measures_range=measures_range
+    )
     for _ in range(2):
         axes = axes_about(edge, down)
-        rows = _rows(normals, down_sigma_rad, axes, steps)
+        rows = _rows(normals, down_sigma_rad, axes)
         angles, variances = _angles(rows, len(nosings))
         kept = _agreeing_nosings(angles, variances, steps)
         middle = float(np.average(angles[kept], weights=1.0 / variances[kept]))
         edge = axes.right + middle * axes.ahead
         edge /= np.linalg.norm(edge)
     chosen = np.append(kept, True)[normals.group]
-    chosen[normals.group < 0] = _agreeing_treads(rows)
-    rows = _rows(normals.only(chosen), down_sigma_rad, axes, steps)
-    rows = _rows(rows.normals.only(_of_the_stair(rows)), down_sigma_rad, axes, steps)
+    rows = _rows(normals.only(chosen), down_sigma_rad, axes)
+    rows = _rows(rows.normals.only(_of_the_stair(rows)), down_sigma_rad, axes)
     agrees = np.zeros(len(has_direction), dtype=np.bool_)
     agrees[has_direction] = kept
     return _fitted(rows, axes, angles, kept, tuple(agrees.tolist()))
@@ -213,7 +217,6 @@ def _fitted(
         ahead=axes.ahead,
         down=-axes.up,
         covariance=covariance,
-        agreeing=float(kept.mean()),
         widest_rad=float(np.abs(angles - angles[kept].mean()).max()),
         winding=winding,
         turn_per_step_rad=float(turn[0]),
@@ -221,6 +224,7 @@ def _fitted(
         warp_px=float(np.sqrt(weights.sum(axis=1) @ squares[:, 2])),
         rotation_rad=float(np.sqrt(weights.sum(axis=1) @ squares[:, 0])),
         agrees=agrees,
+        directed=np.unique(rows.normals.group[rows.normals.group >= 0]).size,
     )
 
 
@@ -245,11 +249,13 @@ def _steps(nosings: Sequence[NosingObservation], treads: Sequence[Surface]) -> l
     return found
 
 
-def _steps_ahead(nosings: Sequence[NosingObservation], camera: PinholeCamera, ahead: Vector3) -> Float[np.ndarray, " n"]:
-    """Return the number of steps from the chair to each nosing."""
+def _steps_ahead(
+    nosings: Sequence[NosingObservation], treads: Sequence[Surface], camera: PinholeCamera, ahead: Vector3
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " t"]]:
+    """Return the number of steps from the chair to each nosing and to each tread."""
     steps, places = np.array([nosing.step for nosing in nosings]), np.array([nosing.ahead_m for nosing in nosings])
-    run_m = np.ptp(places) / max(np.ptp(steps), 1) or 1.0
-    return (places + float(np.array(camera.mount_m) @ camera.R_BC @ ahead)) / run_m
+    run_m, origin_m = np.ptp(places) / max(np.ptp(steps), 1) or 1.0, float(np.array(camera.mount_m) @ camera.R_BC @ ahead)
+    return (places + origin_m) / run_m, (np.array([tread.centre @ ahead for tread in treads]) + origin_m) / run_m
 
 
 def _normals(
@@ -259,9 +265,15 @@ def _normals(
     edge: Vector3,
     camera: PinholeCamera,
     spread_px: float,
+    steps_ahead: Float[np.ndarray, " s"],
     *,
     measures_range: bool,
 ) -> _Normals:
+    """Return all normals.
+
+    Args:
+        steps_ahead: Number of steps from the chair to each tread and to each nosing, and 0.
+    """
     risers = [(k, nosing.riser) for k, nosing in enumerate(nosings) if nosing.riser is not None]
     lines = [(k, line) for k, nosing in enumerate(nosings) for line in nosing.lines]
     surfaces = [*treads, *(riser for _, riser in risers)]
@@ -280,10 +292,11 @@ def _normals(
         tilts=np.array([*(True for _ in treads), *(False for _ in risers), *(True for _ in lines), False]),
         group=group,
         step=np.array([*_steps(nosings, treads), *group[len(treads) :]]),
+        ahead=np.append(steps_ahead[: len(treads)], steps_ahead[len(treads) :][group[len(treads) :]]),
     )
 
 
-def _rows(normals: _Normals, down_sigma_rad: float, axes: Axes, steps: Float[np.ndarray, " n"]) -> _Rows:
+def _rows(normals: _Normals, down_sigma_rad: float, axes: Axes) -> _Rows:
     """Return the equations of all normals, gravity last."""
     value, turned, tilted = (normals.unit @ axis for axis in (-axes.right, axes.ahead, -axes.up))
     noise = np.asarray(normals.covariance @ axes.right @ axes.right)
@@ -295,7 +308,7 @@ def _rows(normals: _Normals, down_sigma_rad: float, axes: Axes, steps: Float[np.
     return _Rows(
         normals=normals,
         value=value,
-        by=np.column_stack([turned * np.append(steps, 0.0)[normals.group], turned, tilted]),
+        by=np.column_stack([turned * normals.ahead, turned, tilted]),
         noise=noise,
         shared=np.array([*(same * np.outer(by, by) for by in of_step), *(part @ part.T for part in common)]),
     )
@@ -329,12 +342,6 @@ def _agreeing(values: Float[np.ndarray, " n"], variances: Float[np.ndarray, " n"
     apart = np.abs(values[:, None] - values[None, :])
     crowds = apart < np.maximum(OUTLIER, OUTLIER_SIGMAS * np.sqrt(variances[:, None] + variances[None, :]))
     return np.asarray(crowds[int(np.argmax(crowds.sum(axis=1)))])
-
-
-def _agreeing_treads(rows: _Rows) -> Bool[np.ndarray, " t"]:
-    """Return the mask of treads, and gravity, consistent with each other."""
-    treads = (rows.normals.group < 0) & rows.normals.tilts
-    return np.append(_agreeing(rows.value[treads] / rows.by[treads, 2], rows.noise[treads]), True)
 
 
 def _of_the_stair(rows: _Rows) -> Bool[np.ndarray, " k"]:

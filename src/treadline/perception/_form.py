@@ -9,24 +9,24 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float, Int
 
 from treadline.core.camera_images import BASELINES_M, PinholeCamera
 from treadline.core.signals import SideKind
 from treadline.perception import _form_kernels as form_kernels
 from treadline.perception import _plane_segmentation_kernels as surface_kernels
-from treadline.perception._plane_segmentation import JUMP, Ends, PlanarBlocks, Surface
-from treadline.perception._step_parts import Axes
+from treadline.perception._lattice_kernels import SIGMAS
+from treadline.perception._plane_segmentation import JUMP, End, PlanarBlocks, Surface
+from treadline.perception._step_parts import Axes, Flight, Tread
+from treadline.perception.free_ground import CELL_M
 
 LOOK_SHARE = 24
 """Image width divided by the largest number of columns past a surface's end in which its surroundings are looked for."""
-SAME_SIDE_M = 0.05
-"""Largest lateral distance of ends at one side [m]."""
+SIDE_KINDS: tuple[SideKind, ...] = ("wall", "open")
+"""What follows a side: something nearer, or something further away or nothing."""
 CAMERA_BOW = 0.4
 """Standard deviation of the curvature that a depth warp of 1 px of Kinect disparity gives all edges alike [1/m]: 1.5 m away 0.05 px
 bend half a metre by 2.5 mm."""
-ARC_SIGMAS = 3.0
-"""Least curvature of bowed edges in standard deviations of its mean: by chance one straight flight in 370."""
 ARC_POINTS = 9
 """Least number of points of an edge: three for each of its thirds."""
 
@@ -40,34 +40,17 @@ class Side:
     kind: SideKind
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LateralEnds:
-    """Ends of surfaces on one side."""
-
-    outward_m: Float[np.ndarray, " k"]
-    """Lateral distance of each end from the camera, outward [m]; NaN where unknown."""
-    walls: Bool[np.ndarray, " k"]
-    """Whether something nearer follows, and ``opens`` whether something further away or nothing; neither where it is cut off."""
-    opens: Bool[np.ndarray, " k"]
-
-
-def sides_of(ends: Sequence[LateralEnds]) -> tuple[Side | None, Side | None]:
-    """Return the left and right side of a flight in the camera's view; None where none is seen."""
-    left, right = (_side(end, way) for way, end in zip((-1, 1), ends, strict=True))
-    if left is not None and right is not None and left.aside_m >= right.aside_m:
-        return None, None
-    return left, right
-
-
-def lateral_ends_of(
+def sides_of(
     surfaces: Sequence[Surface], blocks: PlanarBlocks, camera: PinholeCamera, axes: Axes
-) -> tuple[LateralEnds, LateralEnds]:
-    """Return where the surfaces of a flight end on the left and on the right, in the flight's axes.
+) -> tuple[Side | None, Side | None]:
+    """Return the left and right side of a flight in the camera's view, from its surfaces; None where none is seen.
 
-    Columns of an image rolled by more than 45° do not run along the flight: no ends are known. Upside down, left is right.
+    Columns of an image rolled by more than 45° do not run along the flight: no side is known. Upside down, left is right.
     """
+    if abs(axes.right[1]) > abs(axes.right[0]):
+        return None, None
     columns, no_rows = [surface.upper.columns for surface in surfaces], np.zeros(0)
-    places, walls, opens = form_kernels.sides_of(
+    places, kinds = form_kernels.lateral_ends(
         blocks.nearness,
         np.concatenate([np.zeros(0, dtype=np.int64), *columns]),
         np.concatenate([no_rows, *(surface.upper.rows for surface in surfaces)]),
@@ -80,49 +63,48 @@ def lateral_ends_of(
         BASELINES_M.get(camera.sensor, max(BASELINES_M.values())),  # the largest for an unknown one
         camera.pinhole,
     )
-    if abs(axes.right[1]) > abs(axes.right[0]):
-        places[:] = np.nan
-    sides = (0, 1) if axes.right[0] > 0.0 else (1, 0)
-    left, right = (
-        LateralEnds(outward_m=way * places[:, side], walls=walls[:, side], opens=opens[:, side])
-        for way, side in zip((-1, 1), sides, strict=True)
-    )
+    order = (0, 1) if axes.right[0] > 0.0 else (1, 0)
+    left, right = (_side(way * places[:, end], kinds[:, end], way) for way, end in zip((-1, 1), order, strict=True))
+    if left is not None and right is not None and left.aside_m >= right.aside_m:
+        return None, None
     return left, right
 
 
-def _side(end: LateralEnds, way: int) -> Side | None:
-    """Return the outermost position at which several surfaces end, unless others surpass it."""
-    known = end.outward_m[np.isfinite(end.outward_m)]
-    kinds: tuple[tuple[Bool[np.ndarray, " k"], SideKind], ...] = ((end.walls, "wall"), (end.opens, "open"))
-    for own, name in kinds:
-        places = np.sort(end.outward_m[own & np.isfinite(end.outward_m)])[::-1]
+def _side(outward_m: Float[np.ndarray, " k"], kinds: Int[np.ndarray, " k"], way: int) -> Side | None:
+    """Return the outermost position at which several surfaces end, unless others surpass it.
+
+    Args:
+        outward_m: Lateral distance of each end from the camera, outward; NaN where unknown.
+        kinds: What follows each end, as from ``lateral_ends``.
+        way: 1 for the right side, -1 for the left one.
+    """
+    known = np.isfinite(outward_m)
+    for kind, name in enumerate(SIDE_KINDS, start=1):
+        places = np.sort(outward_m[known & (kinds == kind)])[::-1]
         for place in places:
-            together = places[np.abs(places - place) < SAME_SIDE_M]
+            together = places[np.abs(places - place) < CELL_M]
             if together.size >= 2:
                 side_m = float(np.median(together))
-                if not (known > side_m + SAME_SIDE_M).any():
+                if not (outward_m[known] > side_m + CELL_M).any():
                     return Side(aside_m=way * side_m, kind=name)
                 break
     return None
 
 
 def bow_of(
-    fronts: Sequence[tuple[Surface, Ends]],
-    risers: Sequence[Surface],
-    blocks: PlanarBlocks,
-    camera: PinholeCamera,
-    axes: Axes,
-    warp_px: float,
+    fronts: Sequence[Tread], flight: Flight, blocks: PlanarBlocks, camera: PinholeCamera, axes: Axes, warp_px: float
 ) -> float:
     """Return the mean curvature of the edges in the horizontal plane, positive for ends further away [1/m]; 0 for straight ones.
 
     The noise of an edge's curvature falls with the square of its width; how the edges differ gives that of their mean.
 
     Args:
-        fronts: Treads whose front is a nosing, with that end.
+        fronts: Treads whose front is a nosing.
         warp_px: Size of the depth warp, which bends all edges alike [px of Kinect disparity].
     """
-    edges = [_seen_points(surface, end, camera) for surface, end in fronts] + [blocks.centres[riser.blocks] for riser in risers]
+    lines = [(tread.surface, tread.front(axes, flight.direction)) for tread in fronts]
+    edges = [_seen_points(surface, line.end, camera) for surface, line in lines if line is not None]
+    edges += [blocks.centres[riser.blocks] for riser in flight.risers]
     arcs = np.array([_arc(points, axes) for points in edges if len(points) >= ARC_POINTS]).reshape(-1, 2)
     curvatures, widths_m = arcs[np.isfinite(arcs[:, 0])].T
     if curvatures.size < 2:
@@ -130,11 +112,12 @@ def bow_of(
     weights = widths_m**4 / (widths_m**4).sum()
     mean = float(weights @ curvatures)
     variance = float(weights @ (curvatures - mean) ** 2 / (1.0 / (weights @ weights) - 1.0))
-    return mean if abs(mean) > ARC_SIGMAS * math.hypot(math.sqrt(variance), CAMERA_BOW * warp_px) else 0.0
+    return mean if abs(mean) > SIGMAS * math.hypot(math.sqrt(variance), CAMERA_BOW * warp_px) else 0.0
 
 
-def _seen_points(surface: Surface, end: Ends, camera: PinholeCamera) -> Float[np.ndarray, "k 3"]:
+def _seen_points(surface: Surface, side: End, camera: PinholeCamera) -> Float[np.ndarray, "k 3"]:
     """Return the points in C of an end that neither an object nor the image border cuts off."""
+    end = surface.upper if side == "upper" else surface.lower
     seen = surface_kernels.in_view(end.rows, end.follows, camera.height_px)
     rays = camera.pixel_to_point(end.columns[seen], end.rows[seen])
     return np.asarray(rays / (rays @ surface.normal)[:, None])

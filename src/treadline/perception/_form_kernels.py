@@ -10,8 +10,8 @@ ROWS = 9
 
 
 @njit(cache=True, error_model="numpy")
-def sides_of(nearness, columns, upper, lower, stops, planes, right, look, jump, baseline, pinhole):
-    """Return the lateral place of the first and last column of each surface, and whether it ends at a wall or openly there.
+def lateral_ends(nearness, columns, upper, lower, stops, planes, right, look, jump, baseline, pinhole):
+    """Return the lateral place of the first and last column of each surface, and what follows: 0 unknown, 1 a wall, 2 nothing near.
 
     Args:
         nearness: Inverse depth, one row per column of the image.
@@ -23,7 +23,7 @@ def sides_of(nearness, columns, upper, lower, stops, planes, right, look, jump, 
     """
     fx, fy, cx, cy = pinhole
     width = nearness.shape[0]
-    places, walls, opens = np.full((stops.size, 2), np.nan), np.zeros((stops.size, 2)) > 0.0, np.zeros((stops.size, 2)) > 0.0
+    places, kinds = np.full((stops.size, 2), np.nan), np.zeros((stops.size, 2), dtype=np.int64)
     for s in range(stops.size):
         start = stops[s - 1] if s else 0
         if stops[s] == start:
@@ -58,6 +58,6 @@ def sides_of(nearness, columns, upper, lower, stops, planes, right, look, jump, 
             # No depth at all past a surface is a drop out of range; a shadow falls on one side of a sensor alone.
             if (u if way < 0 else width - 1 - u) < BORDER_PX + fx * baseline * there:
                 empty = 0
-            walls[s, side] = nearer > max(further + empty, on_plane)
-            opens[s, side] = not walls[s, side] and further + empty > on_plane
-    return places, walls, opens
+            is_wall = nearer > max(further + empty, on_plane)
+            kinds[s, side] = 1 if is_wall else 2 * (further + empty > on_plane)
+    return places, kinds

@@ -57,8 +57,6 @@ RISER_GAP_M, TREAD_GAP_M = 0.06, 0.045
 the noise of two heights."""
 LEAST_BLOCKS = 8
 """Least number of blocks of a surface."""
-TALLEST_M = SEARCHED_RISE_M[1]
-"""Largest height of a riser [m]."""
 USUAL_SIZE, ANY_SIZE = (USUAL_RISE_M, USUAL_RUN_M), (ANY_RISE_M, ANY_RUN_M)
 """Priors of rise and run: mean and standard deviation of each [m]."""
 TURNED = 1.0 * DEG
@@ -188,7 +186,7 @@ def low_parts(surface: Surface, blocks: PlanarBlocks, camera: PinholeCamera, axe
     """Return the parts of a vertical surface that are no higher than a step, separated by columns that are."""
     if _are_low(surface.blocks, blocks, axes):
         return [surface]
-    tall = surface.heights_m(camera, axes.up) >= TALLEST_M
+    tall = surface.heights_m(camera, axes.up) >= SEARCHED_RISE_M[1]
     runs = np.cumsum(tall)
     parts = [surface.within(~tall & (runs == run), blocks) for run in np.unique(runs[~tall])]
     return [part for part in parts if part.blocks.size >= LEAST_BLOCKS and _are_low(part.blocks, blocks, axes)]
@@ -260,8 +258,7 @@ def nosing_of(
         height_m: Height of the lattice's nosing, for a step without a tread.
         treads: Treads of the step, with ``fronts``, those that end at its nosing.
     """
-    nosing_lines = [tread.ends(axes)[0 if direction == "up" else 1] for tread in fronts]
-    lines = [line for line in nosing_lines if line is not None]
+    lines = [line for tread in fronts if (line := tread.front(axes, direction)) is not None]
     # A tread is wider in view at its far end than at its nosing.
     asides = [float(aside) for line in lines for aside in line.ends_m @ axes.right]
     asides += [aside for riser in risers for aside in riser.surface.span_m(blocks, axes.right)]
@@ -292,7 +289,7 @@ def _height_at(tread: Surface, point: Vector3, axes: Axes) -> float:
 
 def _are_low(members: Int[np.ndarray, " k"], blocks: PlanarBlocks, axes: Axes) -> bool:
     bottom_m, top_m = surface_kernels.span(blocks.centres, members, axes.up)
-    return bool(top_m - bottom_m < TALLEST_M)
+    return bool(top_m - bottom_m < SEARCHED_RISE_M[1])
 
 
 def _turned_from(surface: Surface, direction: Vector3) -> float:

@@ -139,40 +139,37 @@ def _assign(treads, risers, rise, run, x0, z0, of_tread, front_on, of_riser, hei
 
 
 @njit(cache=True, error_model="numpy")
-def _nodes(sums, offset_sigma, irregular, first, last, values, variances):
-    """Fill value and variance of each step from both kinds of parts; the second has a common unknown offset to the first."""
-    weight, off = 1.0 / offset_sigma**2, 0.0
-    for k in range(first + LAST, last + LAST + 1):
-        if sums[k, 0, 0] > 0.0 and sums[k, 1, 0] > 0.0:
-            own = 1.0 / (1.0 / sums[k, 0, 0] + 1.0 / sums[k, 1, 0])
-            weight += own
-            off += own * (sums[k, 1, 1] / sums[k, 1, 0] - sums[k, 0, 1] / sums[k, 0, 0])
-    off /= weight
-    for k in range(values.shape[0]):
-        total = sums[k, 0, 0] + sums[k, 1, 0]
-        variances[k] = np.inf
-        if total > 0.0 and first + LAST <= k <= last + LAST:
-            values[k] = (sums[k, 0, 1] + sums[k, 1, 1] - off * sums[k, 1, 0]) / total
-            variances[k] = 1.0 / total + irregular**2
-
-
-@njit(cache=True, error_model="numpy")
-def _line_sums(values, variances, sums):
+def _line_sums(parts, offset_sigma, irregular, bounds, sums):
     """Fill ``sums`` with the weighted sums of evenly spaced values over their step numbers, and the number of values.
 
     In this order: those of 1, k, k², y, k·y and y², the logarithm of the variances' product, and the number.
+
+    Args:
+        parts: Sums of weights and of weighted values of both kinds of parts; the second has a common unknown offset to the first.
+        bounds: First and last step that counts.
     """
+    weight, off = 1.0 / offset_sigma**2, 0.0
+    steps = range(bounds[0] + LAST, bounds[1] + LAST + 1)
+    for index in steps:
+        if parts[index, 0, 0] > 0.0 and parts[index, 1, 0] > 0.0:
+            own = 1.0 / (1.0 / parts[index, 0, 0] + 1.0 / parts[index, 1, 0])
+            weight += own
+            off += own * (parts[index, 1, 1] / parts[index, 1, 0] - parts[index, 0, 1] / parts[index, 0, 0])
+    off /= weight
     sums[:] = 0.0
-    for index in range(values.shape[0]):
-        if variances[index] < np.inf:
-            k, w, y = float(index - LAST), 1.0 / variances[index], values[index]
+    for index in steps:
+        total = parts[index, 0, 0] + parts[index, 1, 0]
+        if total > 0.0:
+            y = (parts[index, 0, 1] + parts[index, 1, 1] - off * parts[index, 1, 0]) / total
+            variance, k = 1.0 / total + irregular**2, float(index - LAST)
+            w = 1.0 / variance
             sums[0] += w
             sums[1] += w * k
             sums[2] += w * k * k
             sums[3] += w * y
             sums[4] += w * k * y
             sums[5] += w * y * y
-            sums[6] += LOG_2PI + math.log(variances[index])
+            sums[6] += LOG_2PI + math.log(variance)
             sums[7] += 1.0
 
 
@@ -240,15 +237,13 @@ def _fit(treads, risers, lattice, of_tread, front_on, of_riser, room):
     Args:
         lattice: Rise, run, x0, z0; filled with the fitted ones, and with whether the size is not a usual one.
         of_tread, front_on, of_riser: Filled as in ``_assign``.
-        room: Buffers: sums of heights and places and spans of each step, values and variances, bounds, both lines.
+        room: Buffers: sums of heights and places and spans of each step, bounds, both lines.
     """
-    heights, places, spans, values, variances, bounds, up, along = room
+    heights, places, spans, bounds, up, along = room
     _assign(treads, risers, lattice[0], lattice[1], lattice[2], lattice[3], of_tread, front_on, of_riser, heights, places, spans)
     _group(heights, places, spans, bounds)
-    _nodes(heights, HIDDEN_SIGMA_M, RISE_IRREGULAR_M, bounds[0], bounds[1], values, variances)
-    _line_sums(values, variances, up)
-    _nodes(places, OVERHANG_SIGMA_M, RUN_IRREGULAR_M, bounds[0], bounds[1], values, variances)
-    _line_sums(values, variances, along)
+    _line_sums(heights, HIDDEN_SIGMA_M, RISE_IRREGULAR_M, bounds, up)
+    _line_sums(places, OVERHANG_SIGMA_M, RUN_IRREGULAR_M, bounds, along)
     if up[7] < 2 or along[7] < 2:
         return -np.inf
     lines = np.empty((2, 2, 2))
@@ -275,13 +270,9 @@ def best_lattice(points, treads, risers, nearness, pinhole, axes, of_tread, fron
         Evidence, rise, run, z0, first and last step, number of steps with a height, and whether the size is not a usual one.
     """
     size = 2 * LAST + 1
-    heights, places, spans, bounds = (
-        np.empty((size, 2, 2)),
-        np.empty((size, 2, 2)),
-        np.empty((size, 2)),
-        np.empty(2, dtype=np.int64),
-    )
-    room = heights, places, spans, np.empty(size), np.empty(size), bounds, np.empty(8), np.empty(8)
+    heights, places, spans = np.empty((size, 2, 2)), np.empty((size, 2, 2)), np.empty((size, 2))
+    bounds = np.empty(2, dtype=np.int64)
+    room = heights, places, spans, bounds, np.empty(8), np.empty(8)
     mine, mine_on, my_risers = np.empty_like(of_tread), np.empty_like(front_on), np.empty_like(of_riser)
     lattice, found = np.empty(5), np.full(8, np.nan)
     for i in range(points.shape[0]):
@@ -305,7 +296,7 @@ def best_lattice(points, treads, risers, nearness, pinhole, axes, of_tread, fron
                 evidence += _contradictions(nearness, pinhole, axes, lattice, bounds, spans)
                 if not evidence <= found[0]:
                     found[0], found[1], found[2], found[3] = evidence, lattice[0], lattice[1], lattice[3]
-                    found[4], found[5], found[6], found[7] = bounds[0], bounds[1], room[6][7], lattice[4]
+                    found[4], found[5], found[6], found[7] = bounds[0], bounds[1], room[4][7], lattice[4]
                     of_tread[:], front_on[:], of_riser[:] = mine, mine_on, my_risers
     return found
 

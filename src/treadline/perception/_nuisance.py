@@ -24,6 +24,7 @@ from jaxtyping import Bool, Float
 from treadline.core.angles import DEG
 from treadline.core.arrays import cross
 from treadline.core.camera_images import PinholeCamera
+from treadline.perception._nuisance_kernels import normal_equations
 from treadline.perception._plane_segmentation import DISPARITY_PX_M, Line, Surface
 
 ORDER = 3
@@ -139,16 +140,12 @@ def pooled_mean(
         regular: Mask of measurements without irregularity: gravity.
         common: Change of each value by one standard deviation of an error that they have in common.
     """
-    spread = variances[None, :] + np.where(regular, 0.0, 1.0)[None, :] * TURNS[:, None] ** 2
-    precision = 1.0 / spread
-    # Sherman-Morrison: the common error adds the product of ``common`` with itself to the covariance.
-    shared = precision * common
-    kept = 1.0 / (1.0 + (shared * common).sum(axis=1))
-    total = precision.sum(axis=1) - kept * shared.sum(axis=1) ** 2
-    means = (precision @ values - kept * shared.sum(axis=1) * (shared @ values)) / total
-    off = values[None, :] - means[:, None]
-    residual = (precision * off**2).sum(axis=1) - kept * (shared * off).sum(axis=1) ** 2
-    belief = posterior_weights(-0.5 * (np.log(spread).sum(axis=1) - np.log(kept) + np.log(total) + residual))
+    kinds = np.array([np.diag(np.where(regular, 0.0, 1.0)), np.outer(common, common)])
+    squares = np.column_stack([TURNS**2, np.ones(TURNS.size)])
+    logs, products = normal_equations(variances, kinds, squares, np.column_stack([np.ones(values.size), values]))
+    total = products[:, 0, 0]
+    means = products[:, 0, 1] / total
+    belief = posterior_weights(logs - 0.5 * (np.log(total) + products[:, 1, 1] - total * means**2))
     mean = float(belief @ means)
     return mean, float(np.sqrt(belief @ (1.0 / total + (means - mean) ** 2)))
 

@@ -21,7 +21,7 @@ from treadline.core.rotations import Rotation, Vector3
 from treadline.core.signals import StairMap
 from treadline.perception._acceptance import Finding, lacking_evidence, refusal_of
 from treadline.perception._edge_fit import EdgeFit, fit_edges
-from treadline.perception._form import bow_of, lateral_ends_of, sides_of
+from treadline.perception._form import bow_of, sides_of
 from treadline.perception._gravity_direction import GRAVITY_SIGMA, down_of_treads, levelled, off_gravity
 from treadline.perception._lattice import EVIDENCE, LEAST_BLOCKS, UNCONFIRMED, UPRIGHT, Scene, flight_in, scene_of
 from treadline.perception._plane_segmentation import PlanarBlocks, Surface, reduced, surface_blocks, uncertain_blocks
@@ -30,11 +30,10 @@ from treadline.perception._stair_map import map_of
 from treadline.perception._stair_shape import axes_of, shape_of, stair_axes_of
 from treadline.perception._step_parts import Axes, Flight, viewing_direction
 from treadline.perception.detection import StairDetection, refused
+from treadline.perception.frame_quality import ENOUGH
 from treadline.perception.free_ground import SWEPT_HALF_M
 from treadline.perception.steps import SeenStep, steps_of, steps_without_flight, turn_of
 
-HALF = 0.5
-"""Valid depth fraction below which a refusal names missing depth as the cause, instead of missing planes."""
 LOOKING_AHEAD, LOOKING_DOWN, LEVELS = (5.0 * DEG, 70.0 * DEG), (60.0 * DEG, 100.0 * DEG), 3
 """Ranges of camera pitch for gravity from treads [rad]: nearer to horizontal, treads vanish; nearer to straight down, where a wall
 seen from the front and a floor seen from above are alike, more levels must be evenly spaced."""
@@ -90,7 +89,7 @@ def _too_few(blocks: PlanarBlocks, depth_m: Float32[np.ndarray, "h w"]) -> str:
     least_px = (1 + math.isqrt(3 * LEAST_BLOCKS) + 1) * blocks.cell_px
     if min(rows, columns) < least_px:
         return f"an image of {columns}×{rows} pixels is too small for the planes of a stair: {least_px}×{least_px} are needed"
-    cause = "nothing flat is in range" if share > HALF else "there is too little depth"
+    cause = "nothing flat is in range" if share > ENOUGH else "there is too little depth"
     return f"{cause}: {len(blocks.sums)} blocks with a plane, {share:.0%} of the pixels with a depth"
 
 
@@ -184,8 +183,8 @@ class _Search:
         camera, blocks = self.frame.camera, scene.blocks
         R_BC = camera.R_BC
         in_view = Axes(ahead=fit.ahead, up=-fit.down, right=fit.edge)
-        fronts = [(tread.surface, tread.nosing_end(in_view, flight.direction)) for _, on, tread in flight.matched_treads if on]
-        sides = sides_of(lateral_ends_of([*(tread for tread, _ in fronts), *flight.risers], blocks, camera, in_view))
+        fronts = [tread for _, on, tread in flight.matched_treads if on]
+        sides = sides_of([*(tread.surface for tread in fronts), *flight.risers], blocks, camera, in_view)
         # The chair's right is the image's left for a rear camera.
         edge = fit.edge if float((R_BC @ fit.edge)[1]) < 0.0 else -fit.edge
         heading, change = _heading(edge, R_BC)
@@ -197,7 +196,7 @@ class _Search:
                 flight=flight,
                 fit=fit,
                 shape=shape,
-                bow_1_m=bow_of(fronts, flight.risers, blocks, camera, in_view, fit.warp_px),
+                bow_1_m=bow_of(fronts, flight, blocks, camera, in_view, fit.warp_px),
                 sides=sides,
                 heading_rad=heading,
                 sigma_rad=sigma,

@@ -14,7 +14,17 @@ import numpy as np
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.signals import Direction
 from treadline.core.step_sizes import SINGLE_RISE_M
-from treadline.perception._lattice import EVIDENCE, Scene, levels_of, nosing_of, risers_at, turned_axes, voted_azimuths
+from treadline.perception._lattice import (
+    EVIDENCE,
+    RISER_GAP_M,
+    USUAL_SIZE,
+    Scene,
+    levels_of,
+    nosing_of,
+    risers_at,
+    turned_axes,
+    voted_azimuths,
+)
 from treadline.perception._plane_segmentation import Line
 from treadline.perception._stair_shape import StairShape
 from treadline.perception._step_parts import TREAD_SIGMA_M, Axes, Flight, Tread, viewing_direction
@@ -24,15 +34,12 @@ RUN_M = 0.30
 """Run by which a single step is described [m], that of usual steps: a map must have one, and a single step has none."""
 BORDER = 0.05
 """Width of the image's border, in image widths: the image cuts a line that ends there. Blocks of a surface are 2 to 4 % wide."""
-LOW_GAP_M = 0.5 * SINGLE_RISE_M[0]
-"""Separation of levels for a step that is lower than those of flights [m]: half of the lowest one."""
-AT_EDGE_M = 0.06
-"""Largest distance between the front of the upper level, a riser and the end of the lower level [m]."""
 
 
 def lowest_step_in(scene: Scene, swept_half_m: float) -> Flight | None:
     """Return what ``single_step_in`` does for a step of the least height, which may be measured as less."""
-    levels = levels_of(scene.frame.camera, scene.blocks, scene.level, LOW_GAP_M)
+    # Levels are separated by half of the lowest step.
+    levels = levels_of(scene.frame.camera, scene.blocks, scene.level, 0.5 * SINGLE_RISE_M[0])
     return single_step_in(replace(scene, treads=levels), swept_half_m, least_m=SINGLE_RISE_M[0] - TREAD_SIGMA_M)
 
 
@@ -53,7 +60,7 @@ def single_step_in(scene: Scene, swept_half_m: float, least_m: float = SINGLE_RI
     for azimuth in voted_azimuths(scene):
         voted = turned_axes(scene.level, azimuth)
         for low, high in _pairs(scene, voted, ground_m, direction, least_m):
-            front = high.ends(voted)[0 if direction == "up" else 1]
+            front = high.front(voted, direction)
             if front is None or front.kind == "vague" or not _is_wide(front, camera, voted, middle_m, swept_half_m):
                 continue
             along = front.ends_m[1] - front.ends_m[0]
@@ -62,7 +69,7 @@ def single_step_in(scene: Scene, swept_half_m: float, least_m: float = SINGLE_RI
             if not _meet(scene, low, high, axes, place_m, direction):
                 continue
             faces = risers_at(scene, azimuth) if direction == "up" else ()
-            risers = [riser for riser in faces if abs(float(riser.surface.centre @ axes.ahead) - place_m) < AT_EDGE_M]
+            risers = [riser for riser in faces if abs(float(riser.surface.centre @ axes.ahead) - place_m) < RISER_GAP_M]
             nosing = nosing_of(1, _height(high, axes), [high], [high], risers, scene.blocks, axes, direction)
             if nosing.has_direction:
                 return Flight(
@@ -71,7 +78,7 @@ def single_step_in(scene: Scene, swept_half_m: float, least_m: float = SINGLE_RI
                     rise_m=_height(high, axes) - _height(low, axes),
                     run_m=RUN_M,
                     levels=2,
-                    size_prior=((0.15, 0.1), (RUN_M, 0.1)),
+                    size_prior=USUAL_SIZE,
                     treads=[tread.surface for tread in scene.treads],
                     nosings=[nosing],
                     facing=axes.ahead,
@@ -124,7 +131,7 @@ def _meet(scene: Scene, low: Tread, high: Tread, axes: Axes, place_m: float, dir
     if direction == "down":
         return low_m[1] - max(low_m[0], place_m) > LEVEL_SIZE_M[0]
     foot = low.ends(axes)[1]
-    meets = foot is not None and abs(float(foot.middle @ axes.ahead) - place_m) < AT_EDGE_M
+    meets = foot is not None and abs(float(foot.middle @ axes.ahead) - place_m) < RISER_GAP_M
     return meets and high_m[1] - place_m > LEVEL_SIZE_M[0]
 
 

@@ -10,20 +10,16 @@ from statistics import median
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.angles import DEG
 from treadline.core.camera_images import RgbdFrame
 from treadline.core.rotations import Rotation, Vector3
 from treadline.core.signals import StairMap
 from treadline.perception._form import Side
+from treadline.perception._lattice import LEAST_BLOCKS, RISER_SPREAD
 from treadline.perception._plane_segmentation import PlanarBlocks
 from treadline.perception._stair_shape import StairShape
 from treadline.perception._step_parts import Axes, NosingObservation, viewing_direction
 from treadline.perception.free_ground import CELL_M, POINTS, SWEPT_HEIGHT_M
 
-SIDE_WALL = 15.0 * DEG
-"""Largest angle between the normal of a side wall and the edge direction [rad]."""
-WALL_BLOCKS = 16
-"""Least number of blocks of a wall."""
 CLEAR_M = 0.06
 """Height above the nosing plane below which points are ignored [m]: lower objects pass under the belts or are irregularities of the
 stair."""
@@ -111,14 +107,14 @@ def _free_sides(
     blocks: PlanarBlocks, standing: Float[np.ndarray, "k 3"], axes: Axes, middle: float
 ) -> tuple[float | None, float | None]:
     """Return the distances of the nearest walls and rails, left and right of the chair's middle in the camera's view."""
-    along = np.abs(blocks.unit @ axes.right) > np.cos(SIDE_WALL)
+    along = np.abs(blocks.unit @ axes.right) > np.cos(RISER_SPREAD)
     walls, rails = blocks.centres[along] @ axes.right - middle, _along_the_flight(standing, axes) - middle
     return _nearest(-walls, -rails), _nearest(walls, rails)
 
 
 def _nearest(walls: Float[np.ndarray, " k"], rails: Float[np.ndarray, " j"]) -> float | None:
     """Return the nearer of a wall's plane and of rails at more than a cell from it."""
-    group = first_crowd(walls[walls > 0.1], CELL_M, WALL_BLOCKS)
+    group = first_crowd(walls[walls > 0.1], CELL_M, 2 * LEAST_BLOCKS)
     wall, rail = median(group) if group else math.inf, float(rails[rails > RAIL_ASIDE_M].min(initial=math.inf))
     nearest = rail if rail < wall - 1.2 * CELL_M else wall
     return nearest if math.isfinite(nearest) else None

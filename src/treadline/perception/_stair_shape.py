@@ -23,7 +23,7 @@ from treadline.perception._lattice_kernels import HIDDEN_SIGMA_M, OVERHANG_SIGMA
 from treadline.perception._nuisance import pooled_mean, posterior_weights, stretch_of
 from treadline.perception._nuisance_kernels import normal_equations
 from treadline.perception._plane_segmentation import Ends, PlanarBlocks, Surface
-from treadline.perception._step_parts import Axes, Flight, axes_about, riser_rows, tread_rows
+from treadline.perception._step_parts import VAGUE_SIGMA_M, Axes, Flight, axes_about, riser_rows, tread_rows
 from treadline.perception.free_ground import blind_distance_m
 
 IRREGULAR_M = np.geomspace(0.0005, 0.015, 4)
@@ -34,8 +34,6 @@ risers then differ by 9.5 mm, the limit of building codes (IBC 1011.5.4)."""
 DETOUR_M = 0.005
 """Standard deviation of the change of range along a tread towards its corner with the next riser, by light that takes a detour over
 that riser to a time-of-flight camera [m]: of 2 to 50 mm in a corner (Fuchs, ICPR 2010)."""
-PAST_SIGMA_M = 0.010
-"""Standard deviation of the shift of ends without a surface next to them [m]: half of the width of a metal strip or a shadow."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -215,12 +213,13 @@ def _shifts_m(
 ) -> Float[np.ndarray, "2 k"]:
     """Return the standard deviations of the common outward shifts of the risers' ends that have no surface next to them [m].
 
-    A metal strip or a shadow shifts all of them alike; a matching window shifts those before a larger depth by pixels.
+    Half of the width of a metal strip or a shadow shifts all of them alike; a matching window shifts those before a larger depth
+    by pixels.
     """
     follows = np.array([np.bincount(end.follows, minlength=1).argmax() for end in ends], dtype=np.int64)
     pixels_m = np.array([riser.distance_m for riser in risers]) / camera.fy_px
     of_window = np.where(follows == surface_kernels.BEYOND, blocks.spread_px * pixels_m, 0.0)
-    return np.array([np.where(follows == surface_kernels.CREASE, 0.0, PAST_SIGMA_M), of_window])
+    return np.array([np.where(follows == surface_kernels.CREASE, 0.0, 0.5 * VAGUE_SIGMA_M), of_window])
 
 
 def spacing(parts: Sequence[Placed], prior: tuple[float, float]) -> Spacing:

@@ -16,13 +16,11 @@ from treadline.core.camera_images import PinholeCamera
 from treadline.core.rotations import Rotation, Vector3
 from treadline.core.signals import Direction
 from treadline.perception import _plane_segmentation_kernels as surface_kernels
-from treadline.perception._plane_segmentation import Ends, Line, PlanarBlocks, Surface
+from treadline.perception._plane_segmentation import Line, PlanarBlocks, Surface
 
-TREAD_SIGMA_M, FRONT_SIGMA_M, CORNER_SIGMA_M = 0.007, 0.008, 0.010
-"""Standard deviations of a tread's height, of its front and of an end next to another surface [m], near the camera: a plane of a
-hundred blocks, and an edge rounded by 10 mm."""
-RISER_SIGMA_M, TOP_SIGMA_M = 0.010, 0.008
-"""Standard deviations of a riser's place and of its ends [m]; boards lean by 2°."""
+TREAD_SIGMA_M, EDGE_SIGMA_M, RISER_SIGMA_M = 0.007, 0.008, 0.010
+"""Standard deviations near the camera [m]: of a tread's height, the plane of a hundred blocks; of a nosing and of a riser's ends,
+edges rounded by 10 mm; of a riser, whose board leans by 2°, and of a tread's corner with it."""
 VAGUE_SIGMA_M = 0.020
 """Additional standard deviation of an end past which nothing is known [m]: the width of a metal strip or a shadow."""
 END_PX = 0.6
@@ -62,11 +60,9 @@ class Tread:
             return self.lower, self.upper
         return self.upper, self.lower
 
-    def nosing_end(self, axes: Axes, direction: Direction) -> Ends:
-        """Return the end of the surface at its nosing: the near one in a rising flight, the far one in a falling flight."""
-        near, far = self.ends(axes)
-        line = near if direction == "up" else far
-        return self.surface.upper if line is not None and line is self.upper else self.surface.lower
+    def front(self, axes: Axes, direction: Direction) -> Line | None:
+        """Return the line at the nosing: at the near end in a rising flight, at the far one in a falling flight."""
+        return self.ends(axes)[0 if direction == "up" else 1]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -211,7 +207,7 @@ def _place(line: Line | None, axes: Axes, camera: PinholeCamera) -> tuple[float,
         return 0.0, math.inf
     ahead, up = float(line.middle @ axes.ahead), float(line.middle @ axes.up)
     pixel_m = (ahead**2 + up**2) / (max(abs(up), 1e-3) * camera.fy_px)
-    near = FRONT_SIGMA_M if line.kind == "edge" else CORNER_SIGMA_M
+    near = EDGE_SIGMA_M if line.kind == "edge" else RISER_SIGMA_M
     vague = VAGUE_SIGMA_M if line.kind == "vague" else 0.0
     return ahead, near**2 + TREAD_SIGMA_M**2 + (END_PX * pixel_m) ** 2 + vague**2
 
@@ -235,7 +231,7 @@ def riser_rows(risers: Sequence[Riser], blocks: PlanarBlocks, axes: Axes, camera
             )
             known = math.isfinite(height_m)
             row[k] = height_m if known else 0.0
-            row[k + 1] = TOP_SIGMA_M**2 + (END_PX * pixel_m) ** 2 if known else math.inf
+            row[k + 1] = EDGE_SIGMA_M**2 + (END_PX * pixel_m) ** 2 if known else math.inf
         row[6:8] = surface.span_m(blocks, axes.right)
         row[8:10] = surface.span_m(blocks, axes.up)
     return rows

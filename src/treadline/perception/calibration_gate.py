@@ -33,7 +33,8 @@ from treadline.perception.detection import StairDetection, refused
 FRAMES = 20
 """Number of frames on which the gate decides: a systematic error of 0.5° outweighs the noise of more."""
 RARE = math.log(0.1)
-"""Prior log-odds of leaning risers or a sloping floor against an upright building, an assumption: one in ten."""
+"""Prior log-odds of leaning risers or a sloping floor against an upright building, and of a largest level surface that is another
+than the chair's own, anywhere within a factor of e of its height; an assumption: one in ten."""
 DECIDED = 3.0
 """Log-odds of a fault against all other hypotheses above which frames are refused [nats]: 20 to 1."""
 FACING, RISER_BLOCKS = 0.5, 150
@@ -48,9 +49,6 @@ and camera, the median deviation was 0.4°."""
 TOLERATED = np.array([0.01, *np.array([0.5, 0.5, 0.3, 0.3, 0.3, 0.5]) * DEG])
 """Standard deviations of the errors of a sound calibration and a usual building: relative focal length; pitch and roll of the
 mount, with those of gravity; slope of level surfaces along x, y and z of C, 1 % of it for drainage; lean of risers [rad]."""
-OTHER_LEVEL = math.log(0.1)
-"""Prior log-odds that the largest level surface in view is another than the chair's own, an assumption: one in ten. Its height is
-then anywhere within a factor of e."""
 OFF_CENTRE = 0.05
 """Least offset of the principal point from the middle, in image widths, of a calibration of another image size: five times that of
 shipped cameras."""
@@ -139,7 +137,7 @@ class CalibrationEvidence:
         row = np.median(rows, axis=0)  # systematic: more frames do not measure the mount any better
         log, residual, errors = _posterior(self.gram[at] + np.outer(row, row), wide)
         as_floor = log + math.log(self.camera.mount_m[2] / (math.sqrt(2.0 * math.pi) * HEIGHT_SIGMA_M))
-        as_other = other[0] + OTHER_LEVEL
+        as_other = other[0] + RARE
         best = (residual, errors) if as_floor > as_other else other[1:]
         return float(np.logaddexp(as_floor, as_other)), *best
 

@@ -12,7 +12,7 @@ from treadline.core.camera_images import RgbdFrame
 from treadline.core.signals import FrameQuality
 
 ENOUGH = 0.4
-"""Valid depth fraction above which colours are not evaluated."""
+"""Valid depth fraction above which colours are not evaluated, and a frame without planes does not lack depth."""
 
 
 def quality_of(frame: RgbdFrame, obstacle_m: float | None = None) -> FrameQuality:

@@ -24,7 +24,7 @@ from treadline.perception._lattice_kernels import RISE_IRREGULAR_M, SIGMAS
 from treadline.perception._nuisance import SIZES as WARPS
 from treadline.perception._nuisance import turns_of_surfaces
 from treadline.perception._plane_segmentation import Surface, planes_of, surfaces_along
-from treadline.perception._step_parts import TOP_SIGMA_M, TREAD_SIGMA_M, Axes, Flight, riser_of, riser_rows, viewing_direction
+from treadline.perception._step_parts import EDGE_SIGMA_M, TREAD_SIGMA_M, Axes, Flight, riser_of, riser_rows, viewing_direction
 from treadline.perception.free_ground import LEVEL_SIZE_M
 
 StepKind = Literal["step", "winder", "landing", "kerb", "drop"]
@@ -135,7 +135,7 @@ def steps_without_flight(scene: Scene) -> tuple[SeenStep, ...]:
     """
     edges = _chain(scene, list(_uprights(scene, np.ones(scene.upright.size, dtype=np.bool_))), scene.level.up, [])
     ends_m = [(edge.top_m - edge.rise_m, edge.top_m) for edge in edges]
-    limit_m = SIGMAS * TOP_SIGMA_M
+    limit_m = SIGMAS * EDGE_SIGMA_M
     stacked = [
         any(min(abs(foot_m - above_m), abs(top_m - below_m)) < limit_m for below_m, above_m in ends_m) for foot_m, top_m in ends_m
     ]
