@@ -57,7 +57,7 @@ class Turner:
         """Pose of the way that the chair has reached."""
         self._planned = (-math.inf, math.nan)
         """Time of the latest search, and the centre of turns by which it was made."""
-        self._is_folded = False
+        self._is_folded, self._barred = False, ""
         self._since_s = self._worst_m = 0.0
         """Time at which the turn began or ended, and largest distance from the way."""
 
@@ -87,16 +87,20 @@ class Turner:
         flipper, tracks = now.config.chair.flipper, now.tracks
         folded_rad = rest_rad(now) if flipper is None else flipper.range_deg[1] * DEG
         command = TurnCommand(speed_m_s=0.0, rate_rad_s=0.0, flipper_rad=folded_rad)
-        if tracks is not None and tracks.brake_on:
-            self._planned = (-math.inf, math.nan)
+        if tracks is not None and tracks.brake_on:  # a person who re-arms the chair allows another try
+            self._planned, self._barred = (-math.inf, math.nan), ""
+            return command
+        if self._barred:
+            return replace(command, barred=self._barred)
         if now.flipper is None or not (self._is_folded or now.flipper.angle_rad > folded_rad - THERE_RAD):
             return command
         self._is_folded = True
         goal_rad = landing.turn_rad if now.is_up else 0.0
         if len(self._way) and self._at == len(self._way) - 1:
             return self._at_the_end(now, replace(command, flipper_rad=rest_rad(now)), wrap(place.heading_rad - goal_rad))
-        if (why := self._plan(now, landing, place)) is not None:
-            return replace(command, barred=why)
+        self._barred = self._plan(now, landing, place) or self._barred
+        if self._barred or not len(self._way):
+            return replace(command, barred=self._barred)
         self._advance(place.centre)
         x, y, heading = self._way[min(self._at + NEXT_POSES, len(self._way) - 1)] - place.centre
         along_m = x * math.cos(place.heading_rad) + y * math.sin(place.heading_rad)
@@ -184,5 +188,5 @@ def has_turned(now: Situation) -> str | None:
 
 
 def cannot_turn(now: Situation) -> str | None:
-    """No way over the landing is left, or the next flight is not in view behind it."""
-    return now.turn.barred or None if now.turn is not None else None
+    """No way over the landing is left."""
+    return None if now.turn is None else now.turn.barred or None

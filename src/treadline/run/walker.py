@@ -67,7 +67,7 @@ def walk(scenario: Scenario, chair: ChairDescription, mission: MissionConfig, *,
     for flights, start in _courses(scenario, staircase):
         sills = tuple(sill._replace(flight=sill.flight - flights.start) for sill in mission.sills if sill.flight in flights)
         straight = replace(mission, flights=len(flights), sills=sills, landings=None)
-        course = staircase.alone(staircase.course_of(flights.start))
+        course = _on_the_floor(staircase.alone(staircase.course_of(flights.start)))
         walks.append(_Walker(scenario.changed(start=start), course, chair, straight).walk(until_rad_s))
         if walks[-1].end not in ARRIVES or walks[-1].fastest.rate_rad_s >= until_rad_s:
             return walks[-1]
@@ -83,6 +83,13 @@ def _courses(scenario: Scenario, staircase: Staircase) -> Iterator[tuple[range, 
             yield flights, {"step": scenario.start.step - staircase.flights[flights.start][0].index}
         elif starts_on is None or (number > starts_on) == is_up:
             yield flights, {} if len(staircase.courses) == 1 else {"place": "floor" if is_up else "landing"}
+
+
+def _on_the_floor(course: Staircase) -> Staircase:
+    """Return a course that begins on the floor, in place of a landing."""
+    landing_m = course.steps[0].z_m - course.steps[0].rise_m
+    steps = tuple(replace(step, z_m=step.z_m - landing_m) for step in course.steps)
+    return replace(course, steps=steps) if landing_m else course
 
 
 class _Walker:
