@@ -10,17 +10,15 @@ written into the record of its matter. Evidence pages hold measurements with dat
 
 ## Decisions
 
-| number | decision |
-| --- | --- |
 """
 
 
 def index(docs: Path) -> str:
-    """Return the page: one row per record, one line per page of evidence."""
+    """Return the page: one line per record and per page of evidence."""
     records = ""
     for path in sorted((docs / "decisions").glob("[0-9]*.md")):
         number, _, title = _title(path).partition(": ")
-        records += f"| {number} | [{title}]({path.name}) |\n"
+        records += f"* {number} [{title}]({path.name})\n"
     evidence = "".join(f"* [{_title(path)}](../evidence/{path.name})\n" for path in sorted((docs / "evidence").glob("*.md")))
     return f"{HEAD}{records}\n## Evidence\n\n{evidence}"
 

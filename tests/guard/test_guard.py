@@ -366,6 +366,12 @@ def test_near_level_the_seat_moves_slowly_where_the_pitch_is_steady(error_deg: f
         assert drive.run(0.02).seat.rate_m_s == math.copysign(min(abs(asked), limit), asked)
 
 
+def test_a_seat_that_has_not_reported_yet_is_taken_for_level() -> None:
+    drive = Drive()
+    drive.silent, drive.seat_m_s = {"seat"}, 0.06
+    assert drive.run(0.02).seat.rate_m_s == 0.02
+
+
 @pytest.mark.parametrize("stamp_s", [math.nan, 1e6, -1e6])
 def test_a_seat_command_of_another_time_does_not_move_the_seat(stamp_s: float) -> None:
     drive = Drive().run(1.0)

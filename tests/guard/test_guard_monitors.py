@@ -217,6 +217,15 @@ def test_a_belt_may_differ_by_its_share_for_a_time() -> None:
     assert run(*[0.25, 0.25, 0.25, 0.25, 0.5] * 5) is not None  # four readings in five
 
 
+def test_a_belt_that_should_stand_runs_away_in_either_direction() -> None:
+    for speed_m_s in (0.5, -0.5):
+        watch = BeltMonitor(limits(mismatch_s=0.25))
+        watch.hear(belts(0.0, 0.0, 0.0), known(limits(), speed_m_s=0.0))
+        for k in range(1, 9):
+            watch.hear(belts(k / 16, speed_m_s, 0.0), known(limits(), speed_m_s=0.0))
+        assert (watch.cause(NOW) or "").startswith("left track runs away")
+
+
 def slipping(config: GuardConfig, *steps: tuple[float, float, float], turn_rad: float = 0.0) -> SlipMonitor:
     """Feed maps an eighth of a second apart: each step is the belts' travel, what of it the nosings do not show, how often."""
     watch = SlipMonitor(config)
@@ -427,6 +436,19 @@ def test_a_step_before_the_flights_last_nosing_is_no_obstacle_on_the_landing(las
     watch = ahead(LENGTHS, places=on_a_line(0.8, last_m))
     for _ in range(2):
         watch.hear(frame(0.0, obstacle_m=1.2), NOW)
+    assert (watch.cause(known(LENGTHS, speed_m_s=0.25)) is not None) == stops
+
+
+@pytest.mark.parametrize(("then", "obstacle_m", "stops"), [((1.3, 1.8), 1.0, False), ((2.0, 2.5), 1.3, True)])
+def test_a_nosing_that_left_the_view_is_a_step_of_its_flight_and_of_no_other(
+    then: tuple[float, float], obstacle_m: float, stops: bool
+) -> None:
+    """Test: nosings 0.8 to 1.4 m away, then a map that overlaps them, or one of another flight; frames show something before the
+    new map. Expected result: a step of the former, an obstacle before the latter."""
+    watch = ahead(LENGTHS, places=on_a_line(0.8, 1.4))
+    watch.hear(stair(0.0, on_a_line(*then)), NOW)
+    for _ in range(2):
+        watch.hear(frame(0.0, obstacle_m=obstacle_m), NOW)
     assert (watch.cause(known(LENGTHS, speed_m_s=0.25)) is not None) == stops
 
 
