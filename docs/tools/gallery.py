@@ -18,6 +18,7 @@ RUNS: dict[str, tuple[str, dict[str, object]]] = {
     "down": ("down-28", {}),
     "turn": ("flight-20", {"start.heading_deg": 30, "drive.duration_s": 20}),
     "kerb": ("up-28", KERB),
+    "landing": ("quarter-up", {}),
 }
 """Name of the page, and the scenario with values in place of its own."""
 

@@ -35,8 +35,10 @@ def test_the_schema_has_every_key_of_the_shipped_scenarios() -> None:
         for name, table in tomllib.loads(Path(path).read_text(encoding="utf-8")).items():
             if name == "draw":  # a sweep's distributions are no part of a scenario
                 continue
-            defined = schema["$defs"][schema["properties"][name].get("$ref", schema["properties"][name]).rpartition("/")[2]]
-            assert set(table) <= set(defined["properties"]), (path, name)
+            asked = schema["properties"][name]
+            defined = schema["$defs"][asked.get("items", asked)["$ref"].rpartition("/")[2]]
+            keys = set(table) if isinstance(table, dict) else set().union(*table)
+            assert keys <= set(defined["properties"]), (path, name)
 
 
 def test_the_command_page_shows_the_help_of_every_command() -> None:

@@ -19,6 +19,8 @@ from treadline.guard._rules import RULES
 
 FRONT_M, PULLEY_M = 0.995, 0.475
 """Reach of the shipped chair from mid-track, and place of its pulleys."""
+OUTLINE_M = (0.545, 0.77, 0.375)
+"""Outline of the shipped chair with its flipper folded: rear, front and half width."""
 BEGAN_TICKS = 201
 """Ticks of sound drive before a fault: the last frame, of 2.00 s, has just come."""
 
@@ -150,6 +152,21 @@ def drop(drive: Drive, ahead_m: float, since_s: float) -> None:
         drive.ends_at_m = drive.travel_m + ahead_m
 
 
+def side(drive: Drive, aside_m: float, _since_s: float) -> None:
+    """Show an edge or a wall along the chair."""
+    drive.spoil = spoils("ground", sides_B=((-1.0, aside_m, 0.0), (1.0, aside_m, 0.0)))
+
+
+def turning(drive: Drive) -> None:
+    on_landing(drive)
+    drive.phase, drive.plan = "turn", {"speed_m_s": 0.1}
+
+
+def between_sides(drive: Drive) -> None:
+    turning(drive)
+    side(drive, 1.0, 0.0)
+
+
 def on_landing(drive: Drive) -> None:
     drive.phase, drive.needs_stair, drive.pitch_rad = "land", False, 0.0
     drive.silent |= {"heading"}
@@ -253,6 +270,30 @@ CASES = [
         "AheadMonitor", gap, 0.25, 0.3, 9.0, "0.98 m from nosing", give_s=2.5, brakes=True, stays=True, slows="0.98 m from nosing"
     ),
     case("DropMonitor", drop, 99.0, 2.2, 6.6, "the ground ends 0.4", give_s=0.2, brakes=True, stays=True, begin=on_landing),
+    case(
+        "SweptOutline",
+        side,
+        0.44,
+        0.40,
+        0.1,
+        "an edge or a wall comes within 0.05 m",
+        brakes=True,
+        stays=True,
+        begin=turning,
+        limits={"turn_outline_m": OUTLINE_M},
+    ),
+    case(
+        "SweptOutline",
+        silence("ground"),
+        2.9,
+        EVER,
+        3.0,
+        "no side of the landing in view for 3.0",
+        brakes=True,
+        give_s=0.12,
+        begin=between_sides,
+        limits={"turn_outline_m": OUTLINE_M},
+    ),
     case("DropMonitor", silence("ground"), 5.0, EVER, 6.7, "the ground 0.0", give_s=0.5, brakes=True, begin=on_landing),
 ]
 
@@ -282,7 +323,9 @@ def test_every_rule_has_a_case() -> None:
 
 
 def test_a_rule_applies_where_its_limits_are_set_and_is_watched_where_blocks_send_what_it_needs() -> None:
-    config = limits(has_planner=True, battery_least_v=22.0, awaits_ground=True, awaits_map=True, awaits_health=True)
+    config = limits(
+        has_planner=True, battery_least_v=22.0, turn_outline_m=OUTLINE_M, awaits_ground=True, awaits_map=True, awaits_health=True
+    )
     for rule in RULES:
         assert rule.is_watched(config), rule
         for name in rule.needs:

@@ -283,8 +283,10 @@ def test_each_case_ends_in_its_state_quietly_and_says_why(direction: Direction, 
 def test_each_end_of_a_state_is_taken_by_some_case(direction: Direction) -> None:
     ends = {(state.name, end.when.__name__) for state, exits in table_of(direction).items() for end in exits}
     taken = set[tuple[str, str]]().union(*(driven(*case)[1] for case in CASES if case[0] == direction))
-    # A landing between needs two flights (``test_flights``).
-    assert ends - taken == {("land" if direction == "up" else "leave", "is_on_a_landing_between")}
+    # A landing between needs two flights (``test_flights``), and one on which the stair turns sides in view (``test_turn``).
+    leaves = "land" if direction == "up" else "leave"
+    turns = {(leaves, "must_turn"), ("turn", "has_turned"), ("turn", "cannot_turn")}
+    assert ends - taken == {(leaves, "is_on_a_landing_between"), *turns}
 
 
 @pytest.mark.parametrize("direction", ["up", "down"])

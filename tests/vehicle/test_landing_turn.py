@@ -11,8 +11,9 @@ from treadline.core.errors import MechanicsError
 from treadline.run.resolve import checked
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario
-from treadline.vehicle.landing_turn import Outline, least_landing_m, outline_of, way_over
-from treadline.vehicle.staircase import FlightPlan
+from treadline.vehicle.flight_plan import FlightPlan
+from treadline.vehicle.landing_turn import Outline, least_landing_m, way_over
+from treadline.vehicle.start_checks import outline_of
 
 CHAIR = read_chair("wheelchair")
 # Measured from outside on grids of 2 and 4 cm (docs of the turn, first table), with 5 cm around the chair.
@@ -44,7 +45,7 @@ def swept_m(chair: Outline) -> float:
     angles = np.radians(np.arange(0.0, 90.1, 0.25))
     c, s = np.cos(angles)[:, None], np.sin(angles)[:, None]
     x, y = np.array([[-chair.rear_m, -chair.rear_m, chair.front_m, chair.front_m], [-chair.half_m, chair.half_m] * 2])
-    belts_x = np.array([-chair.half_run_m, -chair.half_run_m]), np.array([-chair.half_belts_m, chair.half_belts_m])
+    belts_x = np.array([-chair.belts_rear_m, -chair.belts_rear_m]), np.array([-chair.half_belts_m, chair.half_belts_m])
     swept_x, swept_y = c * x - s * y, s * x + c * y
     before_m = -(c * belts_x[0] - s * belts_x[1]).min()
     return float(max(swept_x.max() + before_m, swept_y.max() - swept_y.min()))
@@ -74,7 +75,7 @@ def test_a_half_landing_is_as_deep_as_a_folded_chair_turns_on_the_spot() -> None
 def test_a_way_stays_on_the_landing_and_is_made_of_drives_and_turns(turn_deg: float) -> None:
     plan, chair = landing(1.9, 3.0, 1.2, turn_deg), outline(90.0, 0.09)
     way = way_over(plan, 1.2, chair)
-    assert way[0].tolist() == pytest.approx([chair.half_run_m, 0.0, 0.0])
+    assert way[0].tolist() == pytest.approx([chair.belts_rear_m, 0.0, 0.0])
     assert way[-1, 2] == pytest.approx(math.radians(turn_deg))
     moved, turned = np.diff(way[:, :2], axis=0), np.diff(way[:, 2])
     ahead = np.stack([np.cos(way[:-1, 2]), np.sin(way[:-1, 2])], axis=1)
@@ -84,7 +85,9 @@ def test_a_way_stays_on_the_landing_and_is_made_of_drives_and_turns(turn_deg: fl
     for x, y, heading in way:
         c, s = math.cos(heading), math.sin(heading)
         corners = np.array([[a, b] for a in (-chair.rear_m, chair.front_m) for b in (-chair.half_m, chair.half_m)])
-        belts = np.array([[a, b] for a in (-chair.half_run_m, chair.half_run_m) for b in (-chair.half_belts_m, chair.half_belts_m)])
+        belts = np.array(
+            [[a, b] for a in (-chair.belts_rear_m, chair.belts_front_m) for b in (-chair.half_belts_m, chair.half_belts_m)]
+        )
         R = np.array([[c, s], [-s, c]])
         corners, belts = corners @ R + [x, y], belts @ R + [x, y]
         assert belts[:, 0].min() > -1e-9
@@ -110,9 +113,20 @@ def test_check_says_which_landing_the_chair_needs() -> None:
     (reason,) = check_of({"steps": 6}, {"steps": 6, "turn_deg": 90.0, "landing_depth_m": 1.2})
     assert reason.startswith("the landing at step 5 is 1.20 m, this chair needs 1.")
     large = {"landing_depth_m": 2.2, "landing_width_m": 2.6}
-    (reason,) = check_of({"steps": 6}, {"steps": 6, "turn_deg": 180.0} | large)
-    where = "the stair turns by 180° on the landing at step 5"
-    assert reason == f"{where}, and the chair drives straight on over a landing; take another way"
+    assert check_of({"steps": 6}, {"steps": 6, "turn_deg": 180.0} | large) == []
+
+
+def test_from_the_flight_above_a_way_leads_back_to_the_one_below() -> None:
+    plan, chair = landing(2.0, 2.6, 1.2, 90.0), outline(60.0, 0.09)
+    start = np.array([1.5, 0.5, math.radians(90.0)])
+    way = way_over(plan, 1.2, chair, start, up=False)
+    assert way[-1, 2] == pytest.approx(0.0, abs=1e-9)
+    assert abs(way[-1, 1]) <= 0.6 - chair.half_m + 0.02
+
+
+def test_each_flight_of_a_stair_that_turns_is_walked() -> None:
+    turned = {"turn_deg": 90.0, "landing_depth_m": 2.2, "landing_width_m": 2.6}
+    assert check_of({"steps": 5}, {"steps": 5, "rise_m": 0.22, "run_m": 0.26} | turned) != []
 
 
 def test_flights_that_cross_are_one_line() -> None:

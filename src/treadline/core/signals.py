@@ -269,6 +269,12 @@ class FreeGround:
     """Standard deviation of ``direction_rad`` [rad]; None without it."""
     drop_m: float | None = None
     """Depth of what is in view below the edge [m]; None if nothing is."""
+    sides_B: tuple[Vector, ...] = ()
+    """Ends of the sides of a landing in view, two of each side: edges, walls and risers, horizontal from mid-track [m]."""
+
+    def __post_init__(self) -> None:
+        if type(self.sides_B) is not tuple:
+            object.__setattr__(self, "sides_B", tuple(_numbers("a side's end", place, 3) for place in self.sides_B))
 
 
 Source = Literal["vision", "gyro"]
@@ -370,9 +376,10 @@ class FlipperCommand:
 
 Phase = Literal[
     "search", "align", "approach", "mount", "traction", "climb", "crest", "land",
-    "edge", "descend", "leave", "back_off", "drive", "arrived", "refused",
+    "edge", "descend", "leave", "back_off", "drive", "arrived", "refused", "turn",
 ]  # fmt: skip
-"""State of the traversal state machine. ``drive`` is a flight without mount and crest (experiments); the last two are terminal."""
+"""State of the traversal state machine. ``drive`` is a flight without mount and crest (experiments); ``arrived`` and ``refused``
+are terminal."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -86,6 +86,8 @@ class FilterConfig:
     belts_spare_rad_s: float = 40.0 * DEG
     """Margin on that bound for jolts [rad/s]; at most 4 °/s in whole traversals. A gyro rate beyond the bound is rejected."""
     belts_fresh_s: float = 0.1
+    in_view_rad: float = 42.0 * DEG
+    """Heading beyond which no flight is in view [rad]: the detector's limit of 45° less three degrees of drift in a turn."""
     frozen_rad: float = 0.1 * DEG
     """Turn by the gyro [rad] after which a vision heading repeated bit by bit counts as frozen."""
 
@@ -296,7 +298,9 @@ class HeadingFilter:
     ) -> None:
         self.rejected_count += 1
         self._disagreement = innovation
-        if self._rejected.agree(seen.t_s, seen.heading_rad, turned):
+        if self._is_of_another_flight(seen.t_s):
+            self._reinitialise(seen, heading, white, shared, turned)
+        elif self._rejected.agree(seen.t_s, seen.heading_rad, turned):
             if self._rejected.smooth:
                 self._report_fault("jump", seen.t_s, f"gyro jumped by {-innovation / DEG:.1f}° relative to vision")
             self._reinitialise(seen, heading, white, shared, turned)
@@ -305,6 +309,11 @@ class HeadingFilter:
             self._report_fault(
                 "disagreement", seen.t_s, f"{count} consecutive headings rejected, the last {innovation / DEG:+.1f}° off", math.inf
             )
+
+    def _is_of_another_flight(self, t_s: float) -> bool:
+        """Whether the chair has turned away from its flight, out of every camera's view, before a flight came into view."""
+        unseen_s = math.inf if self._seen_s is None else t_s - self._seen_s
+        return unseen_s > self._config.coast_s and abs(self._filters.moments.heading) > self._config.in_view_rad
 
     def _correct_drift(self, drift: Drift, t_s: float) -> None:
         self._filters.shift(drift.error, drift.covariance)

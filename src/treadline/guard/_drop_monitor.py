@@ -156,9 +156,9 @@ class DropMonitor(Monitor):
     """The ground ends, or was neither seen nor driven over, and no plan enters an edge whose nosing the guard's own maps show.
 
     Time: 0.34 m and the deviation before an end, from the leading pulley; before the pulley leaves known ground.
-    Not covered: turning on the spot next to a drop; own plants that do not declare frames or the ground (`drop_unwatched` says so);
-    edges nearer than the image begins, 0.8 m from mid-track, unless seen before; drops below 4 cm, at 2 m below 5.5 cm; travel is
-    that of the belts, slip included.
+    Not covered: turning on the spot next to a drop; the state `turn` (row 29: a landing may be narrower); own plants that do
+    not declare frames or the ground (`drop_unwatched` says so); edges nearer than the image begins, 0.8 m from mid-track, unless
+    seen before; drops below 4 cm, at 2 m below 5.5 cm; travel is that of the belts, slip included.
 
     A re-arm forgets no ground.
     """
@@ -216,7 +216,7 @@ class DropMonitor(Monitor):
         way, on_flight = math.copysign(1.0, speed_m_s), self._flat_s is None and phase in (*FLIGHT, "edge")
         ground = self._ground[way]
         crosses = ground.is_confirmed if phase in ENTERS else ground.is_crossed(self._config.rear_m)
-        if speed_m_s == 0.0 or on_flight or crosses:
+        if speed_m_s == 0.0 or on_flight or crosses or phase == "turn":
             return None
         pulley_m, stopping_m = way * travel_m + self._pulley_m, abs(speed_m_s) * self._config.stopping_s
         ends_m, known_m = ground.end_m - pulley_m, ground.known_m - pulley_m

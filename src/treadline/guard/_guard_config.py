@@ -148,6 +148,13 @@ class GuardConfig:
     battery_s: float = 1.0
     """Duration of a lower voltage after which the battery is empty [s]: longer than the dip when the belts start."""
 
+    turn_outline_m: tuple[float, float, float] | None = None
+    """Distances from mid-track to the rear, the front and a side of a chair that turns on a landing, its flipper folded [m]; None:
+    it does not turn."""
+    turn_centre_m: float = 0.0
+    """Distance of the centre of turns on the spot ahead of mid-track [m]."""
+    turn_clear_m: float = 0.05
+    """Distance to keep from an edge or a wall on a landing on which the chair turns [m]."""
     gap_clear_m: float = 0.2
     """Distance to keep from a gap, in addition to the stopping distance [m]."""
     obstacle_clear_m: float = 0.34

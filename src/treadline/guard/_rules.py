@@ -21,6 +21,7 @@ from treadline.guard._silence import (
     ProcessSilence,
 )
 from treadline.guard._slip_monitor import SlipMonitor
+from treadline.guard._swept_outline import SweptOutline
 
 RULES: tuple[type[Monitor], ...] = (
     Pace,
@@ -44,4 +45,5 @@ RULES: tuple[type[Monitor], ...] = (
     TurnedOver,
     AheadMonitor,
     DropMonitor,
+    SweptOutline,
 )

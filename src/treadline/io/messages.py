@@ -92,7 +92,7 @@ class Form:
         hints = get_type_hints(signal)
         known = {name: _converters(name, hints[name], constants) for name in self._names}
         self._converted = [(at, *both) for at, name in enumerate(self._names) if (both := known[name]) is not None]
-        self._list = self._names.index("nosings_B") if "nosings_B" in self._names else None
+        self._list = next((at for at, name in enumerate(self._names) if name in _POINTS), None)
 
     def message(self, signal: Any, topic: str) -> RosMessage:
         """Return the message of a signal."""
@@ -117,14 +117,16 @@ class Form:
         return self._signal(t_s=t_s, **found)
 
 
-_RENAMED = {"nosings": "nosings_B", "flipper_rad_s": "flipper"}
+_RENAMED = {"nosings": "nosings_B", "sides": "sides_B", "flipper_rad_s": "flipper"}
 """Fields of messages whose signals have another name for them."""
+_POINTS = ("nosings_B", "sides_B")
+"""Fields of signals that are lists of points."""
 _Converters = tuple[Callable[[Any], Any], Callable[[Any], Any]]
 
 
 def _converters(name: str, hint: Any, constants: Sequence[tuple[str, str, int]]) -> _Converters | None:
     """Return how a value enters a message and leaves it; None if as it is."""
-    if name == "nosings_B":
+    if name in _POINTS:
         return (lambda places: [float(x) for place in places for x in place]), lambda points: tuple((p.x, p.y, p.z) for p in points)
     if name == "flipper":
         return (lambda flipper: math.nan if flipper is None else flipper.rate_rad_s), _known

@@ -45,7 +45,7 @@ class LevelSteering:
 
     def towards(self, estimate: HeadingEstimate) -> float:
         """Return the turn on the spot that makes the chair square [m/s]."""
-        return self._half(min(max(-TURN_PER_S * estimate.heading_rad, -TURN_RAD_S), TURN_RAD_S))
+        return self.turn(min(max(-TURN_PER_S * estimate.heading_rad, -TURN_RAD_S), TURN_RAD_S))
 
     def keep(self, estimate: HeadingEstimate | None, target_rad: float = 0.0, *, spare_rad: float = 0.0) -> float:
         """Return the turn that keeps a heading while the chair drives or pitches [m/s]; 0 without an estimate.
@@ -84,7 +84,7 @@ class LevelSteering:
         self._swept_rad += turned_rad
         if self._legs and abs(self._legs[0] - self._swept_rad) < 2.0 * DEG:
             self._legs.pop(0)
-        return self._half(math.copysign(TURN_RAD_S, self._legs[0] - self._swept_rad)) if self._legs else 0.0
+        return self.turn(math.copysign(TURN_RAD_S, self._legs[0] - self._swept_rad)) if self._legs else 0.0
 
     def has_swept(self) -> bool:
         """Return whether the search has ended; it starts again then, because a person may re-arm the chair."""
@@ -97,7 +97,7 @@ class LevelSteering:
         """Start the next turn from rest, because the belts are braked."""
         self._half_m_s = 0.0
 
-    def _half(self, rate_rad_s: float) -> float:
+    def turn(self, rate_rad_s: float) -> float:
         """Return half the belt speed difference for a turn rate; call at each tick of a turn."""
         wanted = 0.5 * self._gauge_m * SKID * rate_rad_s
         change = GENTLE_M_S2 * TICK_S

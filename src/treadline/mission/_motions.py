@@ -164,7 +164,7 @@ def driving(now: Situation, speed_m_s: float, turn_m_s: float | None, flipper: F
 def aside_rad(now: Situation) -> float:
     """Return the heading set point away from a near side, or towards the middle between two: walls or drops [rad]."""
     clear_m = now.needs_m + ASIDE_M
-    left, right = _bound_m(now, "left"), _bound_m(now, "right")
+    left, right = bound_m(now, "left"), bound_m(now, "right")
     if left is not None and right is not None:
         lacking = 0.5 * (right - left)
     elif left is not None:
@@ -175,7 +175,7 @@ def aside_rad(now: Situation) -> float:
     return -min(max(ASIDE_RAD_M * lacking, -ASIDE_RAD), ASIDE_RAD)
 
 
-def _bound_m(now: Situation, side: Side) -> float | None:
+def bound_m(now: Situation, side: Side) -> float | None:
     """Return the distance from the chair's middle to the wall or the drop on a side [m]; None without one in view."""
     wall = now.stair.left_wall_m if side == "left" else now.stair.right_wall_m
     return min((bound for bound in (wall, now.stair.side_m(side)[1]) if bound is not None), default=None)

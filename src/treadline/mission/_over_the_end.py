@@ -215,7 +215,7 @@ def is_on_a_landing_between(now: Situation) -> str | None:
     """The chair is clear of the last nosing, and another flight follows."""
     flights, is_seen = now.config.flights, now.stair.shows_another
     goes_on = is_seen if flights is None else now.flights_done + 1 < flights
-    if not _is_clear(now) or not goes_on:
+    if not is_clear(now) or not goes_on:
         return None
     down, seen = "" if now.is_up else " on the way down", "seen" if is_seen else "not yet seen"
     return f"on a landing, flight {now.flights_done + 2}{down} {seen}"
@@ -223,13 +223,14 @@ def is_on_a_landing_between(now: Situation) -> str | None:
 
 def has_arrived(now: Situation) -> str | None:
     """The chair is clear of the last nosing: level, or on the landing further on."""
-    if not _is_clear(now):
+    if not is_clear(now):
         return None
     place, nosing = ("landing", "last") if now.is_up else ("floor", "first")
     return f"on the {place}, pitch {now.stair.pitch_rad / DEG:.1f}°, clear of the {nosing} nosing"
 
 
-def _is_clear(now: Situation) -> bool:
+def is_clear(now: Situation) -> bool:
+    """Return whether the chair is clear of the last nosing."""
     is_level = abs(now.stair.pitch_rad) < LEVEL_RAD
     if now.is_up:
         return _at(now, "past") is not None and (is_level or now.gone_m > now.bears_m + KEEPS_M)

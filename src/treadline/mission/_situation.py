@@ -16,6 +16,7 @@ from treadline.estimation.stair_tracker import StairTracker
 from treadline.mission._traction_test import TractionTest
 from treadline.mission.follow import FollowCommand
 from treadline.mission.mission_config import KnownSill, MissionConfig
+from treadline.vehicle.flight_plan import FlightPlan
 from treadline.vehicle.loading import Loading
 
 LEVEL_RAD = 2.0 * DEG
@@ -67,6 +68,24 @@ class Crossing:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class TurnCommand:
+    """Motion of a chair that turns on a landing at a tick."""
+
+    speed_m_s: float
+    rate_rad_s: float
+    """Turn rate, positive to the left [rad/s]."""
+    flipper_rad: float
+    """Commanded angle of the flipper [rad]."""
+    barred: str = ""
+    """Why the chair cannot turn; empty while it can."""
+    is_done: bool = False
+    """Whether the chair has turned, and the next flight is in view."""
+    took_s: float = 0.0
+    worst_m: float = 0.0
+    """Time since the turn began [s], and largest distance from its way [m]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Situation:
     """Readings, tracked stair and state of a traversal at one tick."""
 
@@ -101,6 +120,8 @@ class Situation:
     refusal: str | None = None
     """Limit of the chair that the measured steps exceed, as judged before the flight."""
     crossing: Crossing = Crossing()
+    turn: TurnCommand | None = None
+    """Motion on a landing on which the stair turns; None elsewhere."""
     is_square: bool = False
     """Whether the chair has been square to the flight for half a second."""
     has_swept: bool = False
@@ -124,6 +145,13 @@ class Situation:
         """Known sills next to this flight."""
         flight = self.flights_done if self.is_up else (self.config.flights or 1) - 1 - self.flights_done
         return [sill for sill in self.config.sills if sill.flight == flight]
+
+    @property
+    def landing(self) -> FlightPlan | None:
+        """Plan of the landing after this flight; None if the stair does not turn on it."""
+        plans = () if self.config.landings is None else self.config.landings.plans
+        number = self.flights_done if self.is_up else len(plans) - 1 - self.flights_done
+        return plans[number] if 0 <= number < len(plans) and plans[number].turn_rad else None
 
     @property
     def is_held(self) -> bool:

@@ -201,7 +201,7 @@ class Mission:
                 if isinstance(signal, ImuSample) and self._leveller is not None:
                     self._leveller.update(signal)
                 self._driver.update(signal)
-            case FlipperReading() | OperatorInput():
+            case FlipperReading() | OperatorInput() | FreeGround():
                 self._driver.update(signal)
             case SeatReading() if self._leveller is not None:
                 self._guard.propose(self._leveller.step(signal))
@@ -220,9 +220,7 @@ class Mission:
         """Pass what a frame shows to the blocks that use it."""
         for detected in self._camera.step(frame, self._guard.admit):
             self._log(detected, self._t_s)
-            if isinstance(detected, FreeGround):
-                self._guard.admit(detected)
-            elif not isinstance(detected, Event):
+            if not isinstance(detected, Event) and (not isinstance(detected, FreeGround) or self._guard.admit(detected)):
                 self._take(detected)
 
     def _plan(self, t_s: float) -> MotionPlan:

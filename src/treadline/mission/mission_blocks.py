@@ -21,6 +21,7 @@ from treadline.mission.traversal import Traversal
 from treadline.perception import DetectorConfig, StairDetector
 from treadline.perception.frame_quality import quality_of
 from treadline.perception.free_ground import ground_ahead
+from treadline.vehicle.loading import Loading, plumb
 from treadline.vehicle.tracks import bearing_ends_m
 from treadline.vehicle.traction import NORMAL_SLIP, level_turn_share
 
@@ -158,6 +159,7 @@ def guard_config(config: MissionConfig, period_s: float, *, driven: bool = True)
     chair = config.chair
     tracks = chair.tracks
     plugins, is_robust = config.plugins, config.vision == "robust"
+    outline = None if config.landings is None else config.landings.outline
     return GuardConfig(
         belt_limit_m_s=chair.drives.max_speed_m_s,
         drive_lag_s=chair.drives.lag_s,
@@ -170,6 +172,8 @@ def guard_config(config: MissionConfig, period_s: float, *, driven: bool = True)
         track_span_m=bearing_ends_m(chair)[1] - bearing_ends_m(chair)[0],
         level_turn_share=level_turn_share(chair, config.payload_kg),
         normal_slip=NORMAL_SLIP,
+        turn_outline_m=None if outline is None else (outline.rear_m, outline.front_m, outline.half_m),
+        turn_centre_m=plumb(Loading(chair=chair, payload_kg=config.payload_kg), 0.0),
         awaits_ground=config.reports_ground,
         awaits_map=is_robust if plugins.detector is None else getattr(plugins.detector, "sends_map", True),
         awaits_health=is_robust if plugins.estimator is None else getattr(plugins.estimator, "sends_health", True),

@@ -16,6 +16,8 @@ from treadline.mission._blocks import Detector
 from treadline.mission.belt_controllers import Driver
 from treadline.mission.loop import Estimator
 from treadline.scenario.chair import ChairDescription
+from treadline.vehicle.flight_plan import FlightPlan
+from treadline.vehicle.landing_turn import Outline
 
 FILE_PREFIX = "treadline_plugin_"
 """Beginning of the module name that a plug-in file gets."""
@@ -87,6 +89,18 @@ class KnownSill(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class KnownLandings:
+    """Plans of the landings between flights, as drawn; the sides in view correct the chair's place on them."""
+
+    plans: tuple[FlightPlan, ...]
+    """Plan of the flight below each landing and of the landing, the lowest first."""
+    width_m: float
+    """Width of the flights [m]."""
+    outline: Outline
+    """Outline of the chair with its flipper folded."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class MissionConfig:
     """Configuration of one mission."""
 
@@ -105,6 +119,8 @@ class MissionConfig:
     """Number of flights to traverse. None: continue as long as another flight is seen across a landing."""
     sills: tuple[KnownSill, ...] = ()
     """Known edges of sills and ramps on floor and landings."""
+    landings: KnownLandings | None = None
+    """Landings between the flights; None: the chair turns on none."""
     reports_ground: bool = False
     """Whether the ground ahead (``FreeGround``) is known from frames or from the plant; the guard then awaits it."""
     loop: Literal["closed", "open"] = "closed"

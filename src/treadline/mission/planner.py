@@ -8,6 +8,7 @@ from typing import Protocol, runtime_checkable
 
 from treadline.core.signals import (
     FlipperReading,
+    FreeGround,
     HeadingEstimate,
     ImuSample,
     MotionPlan,
@@ -16,7 +17,7 @@ from treadline.core.signals import (
     TrackReading,
 )
 
-PlannerInput = ImuSample | TrackReading | FlipperReading | StairMap | OperatorInput
+PlannerInput = ImuSample | TrackReading | FlipperReading | StairMap | FreeGround | OperatorInput
 """Signals that a planner receives."""
 
 

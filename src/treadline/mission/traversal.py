@@ -12,10 +12,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from treadline.core.signals import Direction, HeadingEstimate, MotionPlan, Phase
+from treadline.core.signals import Direction, FreeGround, HeadingEstimate, MotionPlan, Phase
 from treadline.mission import _before_the_flight as before
 from treadline.mission import _on_the_flight as on
 from treadline.mission import _over_the_end as over
+from treadline.mission import _turn as turning
 from treadline.mission._motions import Motions
 from treadline.mission._situation import WAYS, Situation
 from treadline.mission._situation_tracker import SituationTracker
@@ -61,11 +62,14 @@ class Traversal:
     def __init__(self, config: MissionConfig) -> None:
         self._tracker = SituationTracker(config, WAYS[config.direction])
         self._motions = Motions(config)
-        self._crosser = over.Crosser()
+        self._crosser, self._turner = over.Crosser(), turning.Turner(config.landings)
         self._table = {state.name: (state, exits) for state, exits in table_of(config.direction).items()}
 
     def update(self, signal: PlannerInput) -> None:
         """Update with one signal."""
+        if isinstance(signal, FreeGround):
+            self._turner.update(signal)
+            return
         self._motions.update(signal)
         self._tracker.update(signal)
 
@@ -80,7 +84,7 @@ class Traversal:
         """Return the plan of this tick; a new state acts in the tick in which it begins."""
         tracker, motions = self._tracker, self._motions
         tracker.begin_tick(t_s, estimate)
-        tracker.now = self._crosser.step(tracker.now)
+        tracker.now = self._turner.step(self._crosser.step(tracker.now))
         for _ in self._table:
             tracker.judge()
             now = tracker.now = motions.watch(tracker.now)
@@ -105,7 +109,7 @@ class Traversal:
         """Begin with the flight across the landing."""
         self._motions.face_flight(self._tracker.now.stair.travel_m)
         self._tracker.face_next_flight()
-        self._crosser = over.Crosser()
+        self._crosser, self._turner = over.Crosser(), turning.Turner(self._tracker.now.config.landings)
 
 
 def table_of(direction: Direction) -> dict[State, list[Exit]]:
@@ -133,6 +137,7 @@ STATES = (
     State("climb", on.turn_by_climbing, limit_s=60.0, only="down", back=True),
     State("descend", on.descend, limit_s=20.0, only="down"),
     State("leave", over.leave, limit_s=20.0, only="down"),
+    State("turn", turning.turn, limit_s=60.0),
     State("arrived", over.stand),
     State("refused", over.stand),
 )
@@ -185,6 +190,7 @@ EXITS = (
     Exit("crest", over.rides_again, "climb"),
     Exit("crest", over.lands, "land"),
     Exit("land", on.cannot_go_back, "hold", then=on.answered),
+    Exit("land", turning.must_turn, "turn"),
     Exit("land", over.is_on_a_landing_between, "search"),
     Exit("land", over.has_arrived, "arrived"),
     Exit("land", over.is_barred, "hold"),
@@ -200,8 +206,11 @@ EXITS = (
     Exit("descend", before.is_barred_by_a_gap, "hold"),
     Exit("descend", on.saw_no_floor, "hold"),
     Exit("descend", on.tips_onto_the_floor, "leave"),
+    Exit("leave", turning.must_turn, "turn"),
     Exit("leave", over.is_on_a_landing_between, "search"),
     Exit("leave", over.has_arrived, "arrived"),
     Exit("leave", over.is_barred, "hold"),
+    Exit("turn", turning.has_turned, "search"),
+    Exit("turn", turning.cannot_turn, "hold"),
 )
 """Ends of the states; of those of one state the first one whose condition returns an observation counts."""

@@ -248,7 +248,8 @@ class DriverNode(_AdmittingNode):
         self._publish = transport.publish
         for channel in (on.IMU, on.TRACKS, on.FLIPPER, on.OPERATOR):
             self._subscribe(transport, channel, self._update)
-        transport.subscribe(on.MAP, self._update)
+        for channel in (on.MAP, on.GROUND):
+            transport.subscribe(channel, self._update)
         transport.subscribe(on.ESTIMATE, self._take_estimate)
         transport.subscribe(on.GUARD, self._take_guard)
 

@@ -20,6 +20,7 @@ from treadline.mission.mission_config import (
     ControllerPlugin,
     DetectorPlugin,
     EstimatorPlugin,
+    KnownLandings,
     KnownSill,
     MissionConfig,
     Plugins,
@@ -33,6 +34,8 @@ from treadline.scenario.scenario import Scenario, read_scenario
 from treadline.scenario.shipped_files import shipped_controller
 from treadline.scenario.sill import Sill, landing_of
 from treadline.scenario.stair import Stair
+from treadline.vehicle.staircase import as_designed
+from treadline.vehicle.start_checks import outline_of
 
 SHIPPED = "shipped"
 """Source that names the shipped controller, detector or estimator."""
@@ -199,12 +202,21 @@ def mission_config(
         check=scenario.drive.check,
         flights=scenario.stair.flights,
         sills=_known_sills(scenario.stair, scenario.sill),
+        landings=_known_landings(scenario.stair, described),
         reports_ground=isinstance(open_plant, str) or getattr(open_plant, "reports_ground", False) is True,
         loop=scenario.control.loop,
         vision="paper" if scenario.control.vision == "paper" else "robust",
         allocation=scenario.control.allocation,
         reconstruct=scenario.control.reconstruct,
     )
+
+
+def _known_landings(stair: Stair, chair: ChairDescription) -> KnownLandings | None:
+    """Return the landings between flights; None if the stair turns on none."""
+    plans = () if stair.winders else as_designed(stair).plans[:-1]
+    if not any(plan.turn_rad for plan in plans):
+        return None
+    return KnownLandings(plans=plans, width_m=stair.width_m, outline=outline_of(chair))
 
 
 def _known_sills(stair: Stair, sills: Sequence[Sill]) -> tuple[KnownSill, ...]:

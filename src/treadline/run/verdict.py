@@ -24,12 +24,12 @@ from treadline.scenario.chair import ChairDescription, Faces, Tracks
 from treadline.scenario.scenario import SEAT_SHIFT_M, Chair, Scenario, Stair
 from treadline.vehicle.bodies import centre_of_mass, oversized_lugs
 from treadline.vehicle.climb import Climb, climb_of
-from treadline.vehicle.landing_turn import CLEAR_M, OFF_PLAN_M, least_landing_m, outline_of, way_over
+from treadline.vehicle.landing_turn import CLEAR_M, OFF_PLAN_M, least_landing_m, way_over
 from treadline.vehicle.linkage import SeatLinkage
 from treadline.vehicle.loading import Loading
 from treadline.vehicle.rest_poses import nosings_of, rest_chair
 from treadline.vehicle.staircase import Staircase, as_designed
-from treadline.vehicle.start_checks import HEADROOM_M, checked_start, crossing_flights
+from treadline.vehicle.start_checks import HEADROOM_M, checked_start, crossing_flights, outline_of
 from treadline.vehicle.start_pose import length_m
 from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD, UNKNOWN_RAD, Margins, sideways_margins
 from treadline.vehicle.tracks import minimum_track_length, nosings_touched, track_on_stair_m
@@ -392,7 +392,7 @@ def _landings(staircase: Staircase, chair: ChairDescription) -> str | None:
     """Return which landing is too small for the chair, or on which it would have to turn, as the mission does not."""
     if staircase.winders is not None:
         return None
-    outline, turns = outline_of(chair).wider(CLEAR_M + OFF_PLAN_M), None
+    outline = outline_of(chair).wider(CLEAR_M + OFF_PLAN_M)
     for plan, steps in zip(staircase.plans[:-1], staircase.flights, strict=False):
         where, own_m = f"the landing at step {steps[-1].index}", min(plan.depth_m, plan.left_m - plan.right_m)
         if not plan.turn_rad:
@@ -405,8 +405,7 @@ def _landings(staircase: Staircase, chair: ChairDescription) -> str | None:
         if not len(way_over(plan, staircase.width_m, outline)):
             needed_m = 0.01 * math.ceil(100.0 * least_landing_m(plan, staircase.width_m, outline))
             return f"{where} is {own_m:.2f} m, this chair needs {needed_m:.2f} m to turn {by}; take another way"
-        turns = turns or f"the stair turns {by} on {where}, and the chair drives straight on over a landing; take another way"
-    return turns
+    return None
 
 
 def _too_short_to_arrive(scenario: Scenario, chair: ChairDescription) -> str | None:

@@ -7,6 +7,9 @@ knows no lateral motion and no slip.
 """
 
 import math
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -29,7 +32,7 @@ from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription
 from treadline.scenario.scenario import Scenario
 from treadline.vehicle.ground_profile import ground_profile
 from treadline.vehicle.rest_poses import Fall, RestPose, fall_to, rest_chair
-from treadline.vehicle.staircase import as_designed
+from treadline.vehicle.staircase import Staircase, as_designed
 from treadline.vehicle.start_pose import standing
 from treadline.vehicle.walk import Stride, Walk
 
@@ -40,6 +43,8 @@ ROCKS_S = 0.2
 """Time over which a pitch rate counts [s]: a chair that rocks by a degree takes so long by its inertia, at rest it takes none."""
 LOOK_S = 0.2
 """Time between two maps [s]."""
+ARRIVES = ("arrived", "end_of_flight", "time_up")
+"""Ends of a walk that are no reason to refuse."""
 YIELD_RAD = 0.5 * DEG
 """Step by which a flipper yields whose motor is overloaded [rad]."""
 
@@ -47,25 +52,55 @@ YIELD_RAD = 0.5 * DEG
 def walk(scenario: Scenario, chair: ChairDescription, mission: MissionConfig, *, until_rad_s: float = math.inf) -> Walk:
     """Return the walk of a scenario: chair and planner with the load that the operator entered.
 
+    A walk does not turn. A stair that turns is walked from one turn to the next, and the walk that ends worst is returned.
+
     Args:
         until_rad_s: Pitch rate at which the walk ends.
 
     Raises:
         MechanicsError: If the chair cannot stand where it starts.
     """
-    return _Walker(scenario, chair, mission).walk(until_rad_s)
+    staircase = as_designed(scenario.stair, scenario.step, scenario.sill)
+    if staircase.winders is not None:
+        return _Walker(scenario, staircase, chair, mission).walk(until_rad_s)
+    walks = []
+    for flights, start in _courses(scenario, staircase):
+        sills = tuple(sill._replace(flight=sill.flight - flights.start) for sill in mission.sills if sill.flight in flights)
+        straight = replace(mission, flights=len(flights), sills=sills, landings=None)
+        course = _on_the_floor(staircase.alone(staircase.course_of(flights.start)))
+        walks.append(_Walker(scenario.changed(start=start), course, chair, straight).walk(until_rad_s))
+        if walks[-1].end not in ARRIVES or walks[-1].fastest.rate_rad_s >= until_rad_s:
+            return walks[-1]
+    return max(walks, key=lambda walked: walked.fastest.rate_rad_s)
+
+
+def _courses(scenario: Scenario, staircase: Staircase) -> Iterator[tuple[range, dict[str, Any]]]:
+    """Yield the flights of each course that the chair drives over, and its start there in place of the scenario's."""
+    place, is_up = scenario.start.place, scenario.drive.direction == "up"
+    starts_on = staircase.course_of(scenario.stair.flight_of(scenario.start.step)) if place == "flight" else None
+    for number, flights in enumerate(staircase.courses):
+        if number == starts_on:
+            yield flights, {"step": scenario.start.step - staircase.flights[flights.start][0].index}
+        elif starts_on is None or (number > starts_on) == is_up:
+            yield flights, {} if len(staircase.courses) == 1 else {"place": "floor" if is_up else "landing"}
+
+
+def _on_the_floor(course: Staircase) -> Staircase:
+    """Return a course that begins on the floor, in place of a landing."""
+    landing_m = course.steps[0].z_m - course.steps[0].rise_m
+    steps = tuple(replace(step, z_m=step.z_m - landing_m) for step in course.steps)
+    return replace(course, steps=steps) if landing_m else course
 
 
 class _Walker:
     """State of a walk."""
 
-    def __init__(self, scenario: Scenario, chair: ChairDescription, mission: MissionConfig) -> None:
+    def __init__(self, scenario: Scenario, staircase: Staircase, chair: ChairDescription, mission: MissionConfig) -> None:
         self._scenario, self._flipper = scenario, chair.flipper
         load = scenario.chair.entered
         self._chair = rest_chair(
             chair, load.payload_kg, offset_m=chair.in_chair(load.payload_offset_m), seat_shift_m=load.seat_shift_m
         )
-        staircase = as_designed(scenario.stair, scenario.step, scenario.sill)
         self._ground = ground_profile(staircase)
         self._end_x_m = staircase.flights[0][-1].x_m - 0.5 * chair.tracks.flat_run_m * math.cos(staircase.slope_rad)
         self._planner: Planner = planner_of(mission)

@@ -11,13 +11,8 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.rotations import Vector3
-from treadline.scenario.chair import ChairDescription
-from treadline.scenario.scenario import Chair
 from treadline.vehicle import landing_turn_kernels as kernels
-from treadline.vehicle.bodies import flipper_turns, vehicle
-from treadline.vehicle.staircase import FlightPlan
-from treadline.vehicle.start_checks import placed_parts
-from treadline.vehicle.start_pose import Standing
+from treadline.vehicle.flight_plan import FlightPlan
 
 CLEAR_M = 0.05
 """Distance of the outline from walls and edges that are seen [m]."""
@@ -25,6 +20,9 @@ OFF_PLAN_M = 0.04
 """Largest distance of the chair from its plan in a turn [m]: a landing has room for it."""
 WITHIN_M = 0.002
 """Resolution of the least landing [m]."""
+NEAR_M = 0.16
+"""Largest distance of the pose from which a way is searched from that of the chair [m]:
+two deviations of its place aside, or a chair whose belts have just come on the landing, by its distance from edges."""
 MOST_M = 3.0
 """Side of the largest landing that is searched [m]: on more than twice its length every chair turns."""
 
@@ -37,7 +35,8 @@ class Outline:
     front_m: float
     half_m: float
     """Distances from mid-track to the rear, the front and a side of the chair [m]."""
-    half_run_m: float
+    belts_rear_m: float
+    belts_front_m: float
     half_belts_m: float
     """Distances to the ends and the sides of the belts' flat runs [m]."""
 
@@ -45,51 +44,56 @@ class Outline:
         """Return the outline with a distance around it [m]."""
         return Outline(**{name: getattr(self, name) + by_m for name in self.__slots__})
 
+    def about(self, ahead_m: float) -> "Outline":
+        """Return the outline by its distances from a point ahead of mid-track, about which the chair turns."""
+        longer = {"rear_m": ahead_m, "front_m": -ahead_m, "belts_rear_m": ahead_m, "belts_front_m": -ahead_m}
+        return replace(self, **{name: getattr(self, name) + by_m for name, by_m in longer.items()})
+
     @property
-    def numbers(self) -> Float[np.ndarray, " 5"]:
+    def numbers(self) -> Float[np.ndarray, " 6"]:
         """Numbers of the compiled search."""
-        return np.array([self.rear_m, self.front_m, self.half_m, self.half_run_m, self.half_belts_m])
+        return np.array([self.rear_m, self.front_m, self.half_m, self.belts_rear_m, self.belts_front_m, self.half_belts_m])
 
 
-def outline_of(chair: ChairDescription, flipper_rad: float | None = None) -> Outline:
-    """Return the outline of a chair on level ground.
-
-    Args:
-        flipper_rad: Angle of the flipper above the belts; None: as far up as it turns.
-    """
-    if flipper_rad is None and chair.flipper is not None:
-        flipper_rad = math.radians(chair.flipper.range_deg[1])
-    level = Standing(p_WB=np.zeros(3), R_WB=np.eye(3), seat_rad=0.0)
-    parts = placed_parts(vehicle(chair, Chair()), level, flipper_turns(chair, flipper_rad))
-    ways = np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    rear_m, front_m, half_m = np.max([ways @ part.centre_W + part.reach(ways) for part in parts], axis=0).tolist()
-    tracks = chair.tracks
-    return Outline(
-        rear_m=rear_m,
-        front_m=front_m,
-        half_m=half_m,
-        half_run_m=0.5 * tracks.flat_run_m,
-        half_belts_m=0.5 * (tracks.gauge_m + tracks.belt_width_m),
-    )
-
-
-def way_over(plan: FlightPlan, width_m: float, outline: Outline, start: Vector3 | None = None) -> Float[np.ndarray, "n 3"]:
+def way_over(
+    plan: FlightPlan, width_m: float, outline: Outline, start: Vector3 | None = None, *, up: bool = True
+) -> Float[np.ndarray, "n 3"]:
     """Return the poses of the shortest way over a landing to the next flight, a drive or a turn apart; empty if there is none.
 
-    Columns: place from the landing's nosing, in F [m], and heading [rad].
+    Columns: place of the point from which the outline counts, from the landing's nosing, in F [m], and heading [rad].
 
     Args:
         width_m: Width of both flights.
         outline: Outline of the chair, with its distance from walls and edges.
-        start: Pose from which it turns; unset: as the belts have come on the landing, in the middle of the flight.
+        start: Pose from which it turns; unset: as the belts have come on the landing, in the middle of the flight below.
+        up: Whether the next flight is the one above.
     """
+    landing, mirrored = numbers_of(plan, width_m)
+    pose = np.array([outline.belts_rear_m, 0.0, 0.0]) if start is None else start * mirrored
+    goal = landing[[kernels.FOOT_X, kernels.FOOT_Y, kernels.TURN]] if up else np.zeros(3)
+    lane_m = max(0.5 * width_m - outline.half_m, kernels.CELL_M)
+    return np.asarray(kernels.search(landing, outline.numbers, pose, goal, lane_m) * mirrored)
+
+
+def free_start(plan: FlightPlan, width_m: float, outline: Outline, pose: Vector3) -> Vector3 | None:
+    """Return the pose nearest to a pose, at a heading of the search, from which a way can be searched; None if none is near."""
+    landing, mirrored = numbers_of(plan, width_m)
+    x, y, heading = pose * mirrored
+    step = landing[kernels.TURN] / round(landing[kernels.TURN] / kernels.HEADING_RAD)
+    heading = step * round(heading / step)
+    moves_m = np.arange(-NEAR_M, NEAR_M + 0.5 * kernels.CELL_M, kernels.CELL_M)
+    for along_m, aside_m in sorted(((a, b) for a in moves_m for b in moves_m), key=lambda move: math.hypot(*move)):
+        if kernels.is_free(landing, outline.numbers, x + along_m, y + aside_m, heading):
+            return np.array([x + along_m, y + aside_m, heading]) * mirrored
+    return None
+
+
+def numbers_of(plan: FlightPlan, width_m: float) -> tuple[Float[np.ndarray, " 7"], Vector3]:
+    """Return the numbers of a landing on which the stair turns to the left, and the signs that mirror a pose to it."""
     x, y = plan.foot(width_m).mean(axis=0) * (1.0, plan.side)
     sides = (plan.right_m, plan.left_m) if plan.side > 0.0 else (-plan.left_m, -plan.right_m)
     landing = np.array([plan.depth_m, *sides, 0.5 * width_m, abs(plan.turn_rad), x, y])
-    mirrored = np.array([1.0, plan.side, plan.side])
-    pose = np.array([outline.half_run_m, 0.0, 0.0]) if start is None else start * mirrored
-    lane_m = max(0.5 * width_m - outline.half_m, kernels.CELL_M)
-    return np.asarray(kernels.search(landing, outline.numbers, pose, lane_m) * mirrored)
+    return landing, np.array([1.0, plan.side, plan.side])
 
 
 def least_landing_m(plan: FlightPlan, width_m: float, outline: Outline) -> float:

@@ -19,8 +19,8 @@ BEYOND = 10
 """Number of headings before the first and beyond the last [-]: a chair shifts aside by turning back and forth by 30°."""
 DEPTH, RIGHT, LEFT, HALF_FLIGHT, TURN, FOOT_X, FOOT_Y = range(7)
 """Places of a landing's numbers: depth, right and left side, half width of the flights, turn, middle of the next flight's foot."""
-REAR, FRONT, HALF, HALF_RUN, HALF_BELTS = range(5)
-"""Places of an outline's numbers: from mid-track to the rear, the front and a side, and to the ends and sides of the belts."""
+REAR, FRONT, HALF, BELTS_REAR, BELTS_FRONT, HALF_BELTS = range(6)
+"""Places of an outline's numbers: from the centre of turns to rear, front and side, and to the ends and sides of the belts."""
 
 
 @njit(cache=True)
@@ -39,7 +39,7 @@ def is_free(landing: Any, outline: Any, x: float, y: float, heading: float) -> b
                 return False
             if (beside or up_x > -1e-9) and up_x * corner_x + up_y * corner_y > foot_m + 1e-9:
                 return False
-    for along in (-outline[HALF_RUN], outline[HALF_RUN]):
+    for along in (-outline[BELTS_REAR], outline[BELTS_FRONT]):
         for aside in (-outline[HALF_BELTS], outline[HALF_BELTS]):
             if x + c * along - s * aside < 0.0:
                 return False
@@ -49,18 +49,20 @@ def is_free(landing: Any, outline: Any, x: float, y: float, heading: float) -> b
 
 
 @njit(cache=True)
-def search(landing: Any, outline: Any, start: Any, lane_m: float) -> Any:
-    """Return the poses of the shortest way from a start to the next flight's lane and direction, one row each; empty if none.
+def search(landing: Any, outline: Any, start: Any, goal: Any, lane_m: float) -> Any:
+    """Return the poses of the shortest way from a start to the lane and the direction of a flight, one row each; empty if none.
 
     Args:
         landing: Numbers of the landing, at the places above.
         outline: Numbers of the chair's outline.
         start: Place in the landing's frame and heading [m, m, rad].
-        lane_m: Largest distance of mid-track from the next flight's middle line [m].
+        goal: Place on the flight's middle line and its direction, zero or the turn [m, m, rad].
+        lane_m: Largest distance from that line [m].
     """
     turn = landing[TURN]
     last = BEYOND + int(round(turn / HEADING_RAD))
     step = turn / (last - BEYOND)
+    ends = BEYOND + int(round(goal[2] / step))
     columns, rows = int(landing[DEPTH] / CELL_M) + 2, int((landing[LEFT] - landing[RIGHT]) / CELL_M) + 2
     came = np.full((last + BEYOND + 1) * columns * rows, -2, dtype=np.int32)
     poses = np.empty((len(came), 3))
@@ -89,8 +91,8 @@ def search(landing: Any, outline: Any, start: Any, lane_m: float) -> Any:
             came[cell], queue[tail] = before, cell
             poses[cell, 0], poses[cell, 1], poses[cell, 2] = x, y, (number - BEYOND) * step
             tail += 1
-            aside = (y - landing[FOOT_Y]) * math.cos(turn) - (x - landing[FOOT_X]) * math.sin(turn)
-            if number == last and abs(aside) <= lane_m:
+            aside = (y - goal[1]) * math.cos(goal[2]) - (x - goal[0]) * math.sin(goal[2])
+            if number == ends and abs(aside) <= lane_m:
                 return _way(cell, came, poses)
         if head == tail:
             return np.empty((0, 3))

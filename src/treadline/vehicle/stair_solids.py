@@ -10,7 +10,8 @@ from jaxtyping import Float
 
 from treadline.core.rotations import Rotation, Vector3, rotation_y, rotation_z
 from treadline.scenario.chair import Point
-from treadline.vehicle.staircase import FlightPlan, Relief, Staircase, Step, Winders
+from treadline.vehicle.flight_plan import FlightPlan
+from treadline.vehicle.staircase import Relief, Staircase, Step, Winders
 
 TREAD_THICKNESS_M = 0.04
 """Thickness of an open-riser tread [m]."""
@@ -78,6 +79,21 @@ def landing_walls(staircase: Staircase) -> tuple[Box, ...]:
         parts = [(side, part) for side in plan.walls for part in (whole if is_last else plan.closed(side, staircase.width_m))]
         walls += [_placed(_wall_of(plan, steps[-1], *part), *staircase.flight_frame(k)) for part in parts]
     return tuple(walls)
+
+
+def landing_sides(staircase: Staircase) -> list[Float[np.ndarray, "2 3"]]:
+    """Return the ends of the sides of the landings on which the stair turns, in W: edges, walls, nosings and feet of flights."""
+    sides = []
+    for k, (plan, steps) in enumerate(zip(staircase.plans[:-1], staircase.flights, strict=False)):
+        if not plan.turn_rad or staircase.winders is not None:
+            continue
+        R_WF, p_WF = staircase.flight_frame(k)
+        corners = [(0.0, plan.right_m), (plan.depth_m, plan.right_m), (plan.depth_m, plan.left_m), (0.0, plan.left_m)]
+        pairs = [np.array(pair) for pair in zip(corners, corners[1:] + corners[:1], strict=True)]
+        for pair in (*pairs, plan.foot(staircase.width_m)):
+            ends_F = np.array([steps[-1].x_m, 0.0, steps[-1].z_m]) + np.column_stack([pair, np.zeros(2)])
+            sides.append(p_WF + ends_F @ R_WF.T)
+    return sides
 
 
 def _wall_of(plan: FlightPlan, landing: Step, side: str, part_m: tuple[float, float]) -> Box:

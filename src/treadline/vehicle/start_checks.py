@@ -16,9 +16,10 @@ from treadline.core.angles import DEG
 from treadline.core.errors import MechanicsError
 from treadline.core.rotations import Rotation, Vector3, rotation_y
 from treadline.scenario.chair import ChairDescription, Tracks
-from treadline.scenario.scenario import Scenario
+from treadline.scenario.scenario import Chair, Scenario
 from treadline.vehicle._start_view import StartView
 from treadline.vehicle.bodies import Vehicle, flipper_turns, vehicle
+from treadline.vehicle.landing_turn import Outline
 from treadline.vehicle.stair_solids import Box, stair_boxes, stair_solids
 from treadline.vehicle.staircase import Staircase, as_designed
 from treadline.vehicle.start_pose import CLEARANCE_M, LANDING_LEAST_M, Standing, from_edge_m, length_m, rounded_off_m, standing
@@ -252,6 +253,29 @@ def placed_parts(chair: Vehicle, start: Standing, turns_rad: Mapping[str, float]
         for body in chair.bodies
         for R_BK in [turned.get(body.name, np.eye(3))]
         for shape in body.shapes
+    )
+
+
+def outline_of(chair: ChairDescription, flipper_rad: float | None = None) -> Outline:
+    """Return the outline of a chair on level ground.
+
+    Args:
+        flipper_rad: Angle of the flipper above the belts; None: as far up as it turns.
+    """
+    if flipper_rad is None and chair.flipper is not None:
+        flipper_rad = math.radians(chair.flipper.range_deg[1])
+    level = Standing(p_WB=np.zeros(3), R_WB=np.eye(3), seat_rad=0.0)
+    parts = placed_parts(vehicle(chair, Chair()), level, flipper_turns(chair, flipper_rad))
+    ways = np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    rear_m, front_m, half_m = np.max([ways @ part.centre_W + part.reach(ways) for part in parts], axis=0).tolist()
+    tracks = chair.tracks
+    return Outline(
+        rear_m=rear_m,
+        front_m=front_m,
+        half_m=half_m,
+        belts_rear_m=0.5 * tracks.flat_run_m,
+        belts_front_m=0.5 * tracks.flat_run_m,
+        half_belts_m=0.5 * (tracks.gauge_m + tracks.belt_width_m),
     )
 
 

@@ -5,16 +5,17 @@ Things that stand on the ground hide nothing here: what rises bears.
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.rotations import Rotation, Vector3
-from treadline.core.signals import FreeGround, View
+from treadline.core.signals import FreeGround, Vector, View
 from treadline.core.step_sizes import SINGLE_RISE_M
 from treadline.scenario.chair import ChairDescription
-from treadline.vehicle.stair_solids import ground_m, landing_walls, stair_surfaces
+from treadline.vehicle.stair_solids import ground_m, landing_sides, landing_walls, stair_surfaces
 from treadline.vehicle.staircase import Staircase
 from treadline.vehicle.visibility import margins_px
 
@@ -23,6 +24,8 @@ RANGE_M = 2.0
 SIGMA_M = 0.010
 """Standard deviation of the measured end of the ground [m], and distance between two points: that of a falling flight's nosing in
 2.0 to 2.5 m depth, the furthest of the range, in ``data/cameras/statistical.json``."""
+SIDE_STEP_M = 0.05
+"""Distance between the points along a landing's side that are in view or not [m]."""
 LINES = 5
 """Number of lines of points over the swept width, 0.2 m apart: between two of them a right-angled corner is at most 0.1 m
 nearer."""
@@ -46,6 +49,7 @@ class GroundAhead:
         self._surfaces = stair_surfaces(staircase)
         self._walls = landing_walls(staircase)
         self._camera, self._rng, self._sigma_m = calibration, rng, sigma_m
+        self._sides_W, self._side_rng = landing_sides(staircase), rng.spawn(1)[0]
         self._view: View = "front" if calibration.R_BC[0, 2] > 0.0 else "rear"
         self._way = 1.0 if self._view == "front" else -1.0
         radius_m = chair.tracks.pulley_radius_m
@@ -80,7 +84,23 @@ class GroundAhead:
             if abs(wall.centre_W[2] - wall.half_m[2] - level_m) < SINGLE_RISE_M[0]:
                 in_K = np.abs((places - wall.centre_W[:2]) @ wall.R_WK[:2, :2]) <= wall.half_m[:2]
                 bears |= np.logical_or.accumulate(in_K.all(axis=1).reshape(-1, LINES))
-        return self._measured(t_s, seen, np.logical_and.accumulate(bears))
+        return replace(self._measured(t_s, seen, np.logical_and.accumulate(bears)), sides_B=self._sides(R_WB, p_WB, ahead, level_m))
+
+    def _sides(self, R_WB: Rotation, p_WB: Vector3, ahead: Float[np.ndarray, " 2"], level_m: float) -> tuple[Vector, ...]:
+        """Return the ends of the parts in view of the landing's sides, in the level frame of the chair."""
+        found: list[Vector] = []
+        forward = self._way * np.array([ahead, [-ahead[1], ahead[0]]])
+        for ends in self._sides_W:
+            if abs(ends[0, 2] - level_m) > SINGLE_RISE_M[0]:
+                continue
+            count = max(math.ceil(float(np.linalg.norm(ends[1] - ends[0])) / SIDE_STEP_M), 2)
+            points = ends[0] + np.linspace(0.0, 1.0, count)[:, None] * (ends[1] - ends[0])
+            margins = margins_px(self._camera, ((points - p_WB) @ R_WB - self._camera.mount_m) @ self._camera.R_BC)
+            shown = np.flatnonzero((margins > 0.0) & (np.hypot(*(points - p_WB)[:, :2].T) < RANGE_M))
+            noise = self._sigma_m * self._side_rng.standard_normal((2, 2))
+            if len(shown) > 2:
+                found += [(x, y, 0.0) for x, y in ((points[shown[[0, -1]]] - p_WB)[:, :2] @ forward.T + noise).tolist()]
+        return tuple(found)
 
     def _measured(self, t_s: float, seen: Bool[np.ndarray, " n"], bears: Bool[np.ndarray, "n k"]) -> FreeGround:
         """Return the measurement of one frame; each takes the same number of random draws.
