@@ -105,8 +105,8 @@ def test_from_any_pose_the_way_begins_there() -> None:
     assert len(way_over(replace(plan, depth_m=1.3), 1.2, chair, start)) == 0
 
 
-def check_of(*flights: dict[str, Any]) -> list[str]:
-    return checked(Scenario.model_validate({"flight": list(flights)}), CHAIR).reasons
+def check_of(*flights: dict[str, Any], camera: str = "statistical", **tables: Any) -> list[str]:
+    return checked(Scenario.model_validate({"flight": list(flights), "sensors": {"model": camera}} | tables), CHAIR).reasons
 
 
 def test_check_says_which_landing_the_chair_needs() -> None:
@@ -114,6 +114,8 @@ def test_check_says_which_landing_the_chair_needs() -> None:
     assert reason.startswith("the landing at step 5 is 1.20 m, this chair needs 1.")
     large = {"landing_depth_m": 2.2, "landing_width_m": 2.6}
     assert check_of({"steps": 6}, {"steps": 6, "turn_deg": 180.0} | large) == []
+    (reason,) = check_of({"steps": 6}, {"steps": 6, "turn_deg": 180.0} | large, camera="rendered")
+    assert "whose sides no rendered camera measures" in reason
 
 
 def test_from_the_flight_above_a_way_leads_back_to_the_one_below() -> None:
@@ -124,9 +126,10 @@ def test_from_the_flight_above_a_way_leads_back_to_the_one_below() -> None:
     assert abs(way[-1, 1]) <= 0.6 - chair.half_m + 0.02
 
 
-def test_each_flight_of_a_stair_that_turns_is_walked() -> None:
+def test_the_flight_after_a_turn_is_walked_as_well() -> None:
     turned = {"turn_deg": 90.0, "landing_depth_m": 2.2, "landing_width_m": 2.6}
-    assert check_of({"steps": 5}, {"steps": 5, "rise_m": 0.22, "run_m": 0.26} | turned) != []
+    (reason,) = check_of({"steps": 5}, {"steps": 5} | turned, step=[{"index": 9, "rise_m": 0.26}])
+    assert reason.startswith("at the last nosing")
 
 
 def test_flights_that_cross_are_one_line() -> None:

@@ -166,7 +166,7 @@ def check(scenario: Scenario, chair: ChairDescription, mission: MissionConfig) -
             _no_seat_to_shift(scenario.chair, chair),
             _too_short_to_arrive(scenario, chair),
             _undetectable_steps(scenario, climb),
-            _landings(as_designed(stair), chair),
+            _landings(as_designed(stair), chair, scenario.sensors.camera_model),
             _winders(stair, chair.tracks),
             _turned_nosings(scenario),
             *start_problems,
@@ -388,8 +388,8 @@ def _winders(stair: Stair, tracks: Tracks) -> str | None:
     )
 
 
-def _landings(staircase: Staircase, chair: ChairDescription) -> str | None:
-    """Return which landing is too small for the chair, or on which it would have to turn, as the mission does not."""
+def _landings(staircase: Staircase, chair: ChairDescription, camera: str) -> str | None:
+    """Return which landing is too small for the chair, or has sides that the camera does not measure."""
     if staircase.winders is not None:
         return None
     outline = outline_of(chair).wider(CLEAR_M + OFF_PLAN_M)
@@ -405,6 +405,8 @@ def _landings(staircase: Staircase, chair: ChairDescription) -> str | None:
         if not len(way_over(plan, staircase.width_m, outline)):
             needed_m = 0.01 * math.ceil(100.0 * least_landing_m(plan, staircase.width_m, outline))
             return f"{where} is {own_m:.2f} m, this chair needs {needed_m:.2f} m to turn {by}; take another way"
+        if camera != "statistical":
+            return f"the stair turns {by} on {where}, whose sides no rendered camera measures; sensors.model = 'statistical' does"
     return None
 
 
