@@ -11,6 +11,7 @@ from treadline.core.rotations import rotation_z
 from treadline.core.signals import FreeGround
 from treadline.plant.sensors._free_ground import GroundAhead
 from treadline.scenario.chair import Point, read_chair
+from treadline.scenario.scenario import Scenario
 from treadline.scenario.stair import Stair
 from treadline.vehicle.staircase import as_designed
 
@@ -68,6 +69,18 @@ def test_a_quarter_landing_ends_ahead_of_the_first_flight(turn: str) -> None:
     ground = seen(LAST_X_M + 0.9, LAST_Z_M, flights=2, turn=turn, between_m=2.4)
     assert ground.end_m == pytest.approx(1.5, abs=0.012)
     assert seen(LAST_X_M + 0.9, LAST_Z_M, flights=2, between_m=2.4).end_m is None
+
+
+@pytest.mark.parametrize(("walls", "shown"), [(["far"], True), ([], False)])
+def test_a_wall_whose_foot_is_below_the_image_is_a_side_in_view_and_an_edge_there_is_not(walls: list[str], shown: bool) -> None:
+    """Test: on a quarter landing 2.2 m deep, 0.7 m before its far side; the image begins 0.8 m ahead."""
+    turned = {"steps": 4, "turn_deg": 90.0, "landing_depth_m": 2.2, "landing_width_m": 2.2, "landing_walls": walls}
+    staircase, chair = as_designed(Scenario.model_validate({"flight": [{"steps": 4}, turned]}).stair), read_chair("wheelchair")
+    ground = GroundAhead(staircase, chair, chair.camera_at(240), np.random.default_rng(1), 1e-9)
+    last = staircase.flights[0][-1]
+    found = ground.look(0.0, np.eye(3), np.array([last.x_m + 1.5, 0.0, last.z_m])).sides_B
+    off_m = [max(abs(x - 0.7), abs(to_x - 0.7)) for (x, *_), (to_x, *_) in zip(found[::2], found[1::2], strict=True)]
+    assert (min(off_m, default=1.0) < 1e-6) == shown
 
 
 def test_the_end_errs_by_its_deviation_and_each_frame_takes_as_many_draws() -> None:

@@ -3,12 +3,13 @@
 The paper scores the heading alone; roll-back, lateral drift and the friction margin are added here.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from operator import attrgetter
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from treadline.core.angles import DEG
 from treadline.core.arrays import rms
@@ -86,9 +87,9 @@ class Scores:
     aligned_s: float | None
     """Time at which the chair, square to the stair, started the approach [s]; None without an approach."""
     aligned_rms_heading_deg: float | None
-    """RMS heading from ``aligned_s`` on [°]."""
+    """RMS heading from ``aligned_s`` on, but from a turn on a landing to the next approach [°]."""
     aligned_max_heading_deg: float | None
-    """Largest |heading| from ``aligned_s`` on [°]."""
+    """Largest |heading| at these times [°]."""
     passenger_max_m_s2: float
     """Largest magnitude of the passenger's acceleration, mean over 50 ms [m/s²]."""
     passenger_vertical_m_s2: float
@@ -139,7 +140,7 @@ def score(trace: Trace, phases: tuple[tuple[float, str], ...] = (), *, upward: b
     aligned_s = next((t_s for t_s, phase in phases if phase == "approach"), None)
     margin, passenger_W = trace["stability_margin_rad"], np.stack([trace[f"passenger_{axis}_m"] for axis in "xyz"])
     passenger = comfort(passenger_W, trace["yaw_rad"])
-    aligned = np.empty(0) if aligned_s is None else heading[t >= aligned_s]
+    aligned = heading[_aligned(t, phases)]
     return Scores(
         duration_s=float(t[-1]),
         rms_heading_deg=rms(heading) / DEG,
@@ -175,6 +176,12 @@ def score(trace: Trace, phases: tuple[tuple[float, str], ...] = (), *, upward: b
         max_belt_force_n=float(max(np.abs(lasting(trace[name])).max() for name in ("left_force_n", "right_force_n"))),
         phases=phases,
     )
+
+
+def _aligned(t_s: Float[np.ndarray, " T"], phases: Sequence[tuple[float, str]]) -> Bool[np.ndarray, " T"]:
+    """Return whether the chair has been square to its flight, from each approach to the end or to a turn on a landing."""
+    changes = [(math.nan, False), *((start_s, name == "approach") for start_s, name in phases if name in ("approach", "turn"))]
+    return np.array([square for _, square in changes])[np.searchsorted([start_s for start_s, _ in changes[1:]], t_s, side="right")]
 
 
 def _reported(values: Float[np.ndarray, " T"], summary: Callable[[np.ndarray], np.floating]) -> float | None:

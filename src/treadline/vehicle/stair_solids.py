@@ -4,12 +4,14 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import get_args
 
 import numpy as np
 from jaxtyping import Float
 
 from treadline.core.rotations import Rotation, Vector3, rotation_y, rotation_z
 from treadline.scenario.chair import Point
+from treadline.scenario.flight import Side
 from treadline.vehicle.flight_plan import FlightPlan
 from treadline.vehicle.staircase import Relief, Staircase, Step, Winders
 
@@ -81,18 +83,28 @@ def landing_walls(staircase: Staircase) -> tuple[Box, ...]:
     return tuple(walls)
 
 
-def landing_sides(staircase: Staircase) -> list[Float[np.ndarray, "2 3"]]:
-    """Return the ends of the sides of the landings on which the stair turns, in W: edges, walls, nosings and feet of flights."""
+def landing_sides(staircase: Staircase) -> list[tuple[Float[np.ndarray, "2 3"], float]]:
+    """Return the ends of the sides of the landings on which the stair turns, in W, and by how much each rises [m].
+
+    Sides are edges and the nosing of the flight below, which do not rise, walls, and the riser at the next flight's foot.
+    """
     sides = []
     for k, (plan, steps) in enumerate(zip(staircase.plans[:-1], staircase.flights, strict=False)):
         if not plan.turn_rad or staircase.winders is not None:
             continue
         R_WF, p_WF = staircase.flight_frame(k)
-        corners = [(0.0, plan.right_m), (plan.depth_m, plan.right_m), (plan.depth_m, plan.left_m), (0.0, plan.left_m)]
-        pairs = [np.array(pair) for pair in zip(corners, corners[1:] + corners[:1], strict=True)]
-        for pair in (*pairs, plan.foot(staircase.width_m)):
-            ends_F = np.array([steps[-1].x_m, 0.0, steps[-1].z_m]) + np.column_stack([pair, np.zeros(2)])
-            sides.append(p_WF + ends_F @ R_WF.T)
+        aside_m = {"left": plan.left_m, "right": plan.right_m}
+        found = [
+            (np.array([[0.0, plan.right_m], [0.0, plan.left_m]]), 0.0),
+            (plan.foot(staircase.width_m), staircase.flights[k + 1][0].rise_m),
+        ]
+        for side in get_args(Side):
+            for part in plan.closed(side, staircase.width_m):
+                pair = [(plan.depth_m, at) if side == "far" else (at, aside_m[side]) for at in part]
+                found.append((np.array(pair), WALL_HEIGHT_M if side in plan.walls else 0.0))
+        for along, height_m in found:
+            ends_F = np.array([steps[-1].x_m, 0.0, steps[-1].z_m]) + np.column_stack([along, np.zeros(2)])
+            sides.append((p_WF + ends_F @ R_WF.T, height_m))
     return sides
 
 

@@ -24,8 +24,8 @@ RANGE_M = 2.0
 SIGMA_M = 0.010
 """Standard deviation of the measured end of the ground [m], and distance between two points: that of a falling flight's nosing in
 2.0 to 2.5 m depth, the furthest of the range, in ``data/cameras/statistical.json``."""
-SIDE_STEP_M = 0.05
-"""Distance between the points along a landing's side that are in view or not [m]."""
+SIDE_STEP_M, SIDE_PARTS = 0.05, 12
+"""Distance between the points along a landing's side that are in view or not [m], and their number up it: 0.2 m apart on a wall."""
 LINES = 5
 """Number of lines of points over the swept width, 0.2 m apart: between two of them a right-angled corner is at most 0.1 m
 nearer."""
@@ -90,13 +90,14 @@ class GroundAhead:
         """Return the ends of the parts in view of the landing's sides, in the level frame of the chair."""
         found: list[Vector] = []
         forward = self._way * np.array([ahead, [-ahead[1], ahead[0]]])
-        for ends in self._sides_W:
+        for ends, height_m in self._sides_W:
             if abs(ends[0, 2] - level_m) > SINGLE_RISE_M[0]:
                 continue
             count = max(math.ceil(float(np.linalg.norm(ends[1] - ends[0])) / SIDE_STEP_M), 2)
             points = ends[0] + np.linspace(0.0, 1.0, count)[:, None] * (ends[1] - ends[0])
-            margins = margins_px(self._camera, ((points - p_WB) @ R_WB - self._camera.mount_m) @ self._camera.R_BC)
-            shown = np.flatnonzero((margins > 0.0) & (np.hypot(*(points - p_WB)[:, :2].T) < RANGE_M))
+            up = points + np.linspace(0.0, height_m, SIDE_PARTS)[:, None, None] * (0.0, 0.0, 1.0)
+            margins = margins_px(self._camera, ((up - p_WB) @ R_WB - self._camera.mount_m) @ self._camera.R_BC)
+            shown = np.flatnonzero((margins > 0.0).any(axis=0) & (np.hypot(*(points - p_WB)[:, :2].T) < RANGE_M))
             noise = self._sigma_m * self._side_rng.standard_normal((2, 2))
             if len(shown) > 2:
                 found += [(x, y, 0.0) for x, y in ((points[shown[[0, -1]]] - p_WB)[:, :2] @ forward.T + noise).tolist()]
