@@ -19,8 +19,8 @@ def ride(request: pytest.FixtureRequest) -> Traverse:
 
 
 def test_the_chair_arrives_over_both_flights(ride: Traverse) -> None:
-    """Test: two flights of five steps, a quarter landing of 2 m. Expected result: arrival, one turn, quiet; square to each flight as
-    to a single one."""
+    """Test: two flights of five steps, a quarter landing of 2 m. Expected result: arrival, one turn, quiet; square to each
+    flight as to a single one."""
     assert (ride.verdict, ride.cause) == ("arrived", None)
     assert [phase for _, phase in ride.scores.phases].count("turn") == 1
     assert ride.scores.max_pitch_rate_deg_s <= 15.0

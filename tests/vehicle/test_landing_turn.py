@@ -124,6 +124,8 @@ def test_from_the_flight_above_a_way_leads_back_to_the_one_below() -> None:
     way = way_over(plan, 1.2, chair, start, up=False)
     assert way[-1, 2] == pytest.approx(0.0, abs=1e-9)
     assert abs(way[-1, 1]) <= 0.6 - chair.half_m + 0.02
+    # The guard holds a chair that drives 0.34 m before an edge.
+    assert way[-1, 0] - chair.belts_rear_m >= 0.34
 
 
 def test_the_flight_after_a_turn_is_walked_as_well() -> None:

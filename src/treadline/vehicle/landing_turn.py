@@ -18,6 +18,9 @@ CLEAR_M = 0.05
 """Distance of the outline from walls and edges that are seen [m]."""
 OFF_PLAN_M = 0.04
 """Largest distance of the chair from its plan in a turn [m]: a landing has room for it."""
+FROM_EDGE_M = 0.34
+"""Least distance of the belts, with the room around them, from the edge of the next flight down once the chair has turned [m]: that
+at which the guard holds a chair that enters no flight yet."""
 WITHIN_M = 0.002
 """Resolution of the least landing [m]."""
 NEAR_M = 0.16
@@ -72,7 +75,8 @@ def way_over(
     pose = np.array([outline.belts_rear_m, 0.0, 0.0]) if start is None else start * mirrored
     goal = landing[[kernels.FOOT_X, kernels.FOOT_Y, kernels.TURN]] if up else np.zeros(3)
     lane_m = max(0.5 * width_m - outline.half_m, kernels.CELL_M)
-    return np.asarray(kernels.search(landing, outline.numbers, pose, goal, lane_m) * mirrored)
+    before_m = 0.0 if up else outline.belts_rear_m + FROM_EDGE_M
+    return np.asarray(kernels.search(landing, outline.numbers, pose, goal, lane_m, before_m) * mirrored)
 
 
 def free_start(plan: FlightPlan, width_m: float, outline: Outline, pose: Vector3) -> Vector3 | None:

@@ -49,7 +49,7 @@ def is_free(landing: Any, outline: Any, x: float, y: float, heading: float) -> b
 
 
 @njit(cache=True)
-def search(landing: Any, outline: Any, start: Any, goal: Any, lane_m: float) -> Any:
+def search(landing: Any, outline: Any, start: Any, goal: Any, lane_m: float, before_m: float) -> Any:
     """Return the poses of the shortest way from a start to the lane and the direction of a flight, one row each; empty if none.
 
     Args:
@@ -58,6 +58,7 @@ def search(landing: Any, outline: Any, start: Any, goal: Any, lane_m: float) -> 
         start: Place in the landing's frame and heading [m, m, rad].
         goal: Place on the flight's middle line and its direction, zero or the turn [m, m, rad].
         lane_m: Largest distance from that line [m].
+        before_m: Least distance from the flight along it [m].
     """
     turn = landing[TURN]
     last = BEYOND + int(round(turn / HEADING_RAD))
@@ -92,7 +93,8 @@ def search(landing: Any, outline: Any, start: Any, goal: Any, lane_m: float) -> 
             poses[cell, 0], poses[cell, 1], poses[cell, 2] = x, y, (number - BEYOND) * step
             tail += 1
             aside = (y - goal[1]) * math.cos(goal[2]) - (x - goal[0]) * math.sin(goal[2])
-            if number == ends and abs(aside) <= lane_m:
+            along = (x - goal[0]) * math.cos(goal[2]) + (y - goal[1]) * math.sin(goal[2])
+            if number == ends and abs(aside) <= lane_m and abs(along) >= before_m:
                 return _way(cell, came, poses)
         if head == tail:
             return np.empty((0, 3))
