@@ -47,10 +47,12 @@ SAMPLES = ("perception/test_stairs_of_all_kinds.py", "perception/test_no_stair.p
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the tests of ``FAST`` and ``SHAPES``."""
-    tests = Path(__file__).parent
+    """Mark the tests of ``FAST`` and ``SHAPES``; leave out those that take minutes, unless ``make slow`` asks for them."""
+    tests, minutes = Path(__file__).parent, pytest.mark.skipif("TREADLINE_SLOW" not in os.environ, reason="make slow runs this")
     for item in items:
         place = item.path.relative_to(tests)
+        if item.get_closest_marker("slow"):
+            item.add_marker(minutes)
         if any(place.is_relative_to(part) for part in FAST):
             item.add_marker(pytest.mark.fast)
         if any(place.is_relative_to(part) for part in SHAPES) and place.as_posix() not in SAMPLES:

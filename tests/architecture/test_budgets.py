@@ -9,6 +9,7 @@ import io
 import tokenize
 import tomllib
 from dataclasses import asdict, dataclass
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -91,6 +92,7 @@ def document_words() -> int:
     return sum(len(path.read_bytes().split()) for path in own + github if "gallery" not in path.parts)
 
 
+@cache
 def present() -> dict[str, dict[str, int]]:
     """Return the figures of ``budgets.toml`` as they are now."""
     sizes = {

@@ -38,7 +38,9 @@ MADE: dict[type, Callable[[float], Any]] = {
     FrameQuality: lambda t_s: frame(t_s, obstacle_m=9.0),
     HeadingMeasurement: lambda t_s: heading(t_s, 0.01 * t_s),
     StairMap: lambda t_s: stair(t_s, [1.5 - 0.2 * t_s, 1.84 - 0.2 * t_s], obstacle_m=9.0, left_wall_m=1.0, right_seen_m=1.0),
-    FreeGround: lambda t_s: FreeGround(t_s=t_s, view="front", blind_m=0.6, seen_m=2.0, end_m=None),
+    FreeGround: lambda t_s: FreeGround(
+        t_s=t_s, view="front", blind_m=0.6, seen_m=2.0, end_m=None, sides_B=((1.5, -1.0, 0.0), (1.5, 1.0, 0.0))
+    ),
     HeadingEstimate: estimate,
     HeadingHealth: lambda t_s: health(t_s, None, 0.0),
     MotionPlan: lambda t_s: MotionPlan(

@@ -188,7 +188,7 @@ def test_the_dimensions_of_buildings_reach_their_ends() -> None:
 
 
 def test_a_sweep_is_not_listed_or_run_as_a_scenario() -> None:
-    with pytest.raises(SettingsError, match="shipped: default, down-28, flight-20, paper-28, straight-25, up-28"):
+    with pytest.raises(SettingsError, match=r"shipped: default, down-28, .*, straight-25, up-28"):
         read_scenario("paper-29")
     with pytest.raises(SettingsError, match=r"\(shipped: buildings, envelope, outside\)"):
         read_spec("envelop")

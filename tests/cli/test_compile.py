@@ -13,8 +13,6 @@ from treadline.cli import compile as module
 
 from .conftest import Run
 
-SLOW = pytest.mark.skipif("TREADLINE_SLOW" not in os.environ, reason="make slow runs this: it compiles everything anew")
-
 
 @pytest.fixture
 def marker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
@@ -56,7 +54,6 @@ sys.exit(code)
 
 
 @pytest.mark.slow
-@SLOW
 def test_after_treadline_compile_no_command_compiles_and_two_at_once_compile_once(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
     compile_ = [sys.executable, "-m", "treadline", "compile", "--json"]
@@ -78,7 +75,6 @@ def test_after_treadline_compile_no_command_compiles_and_two_at_once_compile_onc
 
 
 @pytest.mark.slow
-@SLOW
 def test_a_first_climb_reports_compiling_and_its_speed_leaves_compiling_out(tmp_path: Path) -> None:
     command = "climb flight-20 --set drive.duration_s=1 --json --out"
     env = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "empty")}

@@ -3,7 +3,6 @@ flickering. Each message is made from the chair's true place at its exposure, an
 """
 
 import math
-import os
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -149,7 +148,6 @@ def test_whatever_the_camera_delays_loses_repeats_or_flickers_the_chair_keeps_it
 
 
 @pytest.mark.slow
-@pytest.mark.skipif("TREADLINE_SLOW" not in os.environ, reason="make slow runs a million ticks")
 def test_a_million_ticks_keep_their_distance() -> None:
     ticks, seed = 0, 1000
     while ticks < 1_000_000:

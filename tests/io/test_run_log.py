@@ -142,7 +142,7 @@ def test_another_decoder_of_ros_2_reads_the_same_numbers(log: Path) -> None:
     assert first["/imu"].linear_acceleration.z == 9.81
     assert first["/stair/heading/detail"].heading_rad == estimate.heading_rad
     assert first["/stair/heading/detail"].sigma_rad == estimate.sigma_rad
-    assert "/stair/heading" not in first  # told once
+    assert "/stair/heading" not in first  # its detail is the one topic
     assert bytes(first["/camera/color/image_raw"].data) == image.rgb.tobytes()
     assert first["/camera/depth/image_rect"].encoding == "32FC1"
     assert list(first["/camera/color/camera_info"].k[:3]) == [CAMERA.fx_px, 0.0, CAMERA.cx_px]

@@ -56,7 +56,7 @@ class Turned:
 
 
 def turned(
-    monkeypatch: pytest.MonkeyPatch, given: Scenario, *, centre_m: float = 0.17, aside_m: float = 0.04, askew_rad: float = 2.0 * DEG
+    monkeypatch: pytest.MonkeyPatch, given: Scenario, *, centre_m: float = 0.17, aside_m: float = 0.04, off_rad: float = 2.0 * DEG
 ) -> Turned:
     """Return the turn of a chair that has come onto the landing off its middle line and off its direction."""
     staircase, chair = as_designed(given.stair), given.read_chair()
@@ -72,7 +72,7 @@ def turned(
     turner, level = Turner(known), LevelSteering(chair.tracks.gauge_m)
     expected = pose.copy()
     monkeypatch.setattr(_turn, "pose_on", lambda *_: expected)
-    pose += (0.0, aside_m, askew_rad) if is_up else (*(aside_m * np.array([-up[1], up[0]])), askew_rad)
+    pose += (0.0, aside_m, off_rad) if is_up else (*(aside_m * np.array([-up[1], up[0]])), off_rad)
     outline, numbers, mirror = known.outline.wider(CLEAR_M - 0.02).numbers, *numbers_of(plan, known.width_m)
     speed = rate = fastest = 0.0
     angle, was_free, goal = 40.0 * DEG, True, plan.turn_rad if is_up else 0.0

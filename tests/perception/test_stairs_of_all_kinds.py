@@ -67,7 +67,7 @@ KINDS = {
 def test_the_heading_of_stairs_of_all_kinds(kind: str) -> None:
     errors, _, count = errors_and_strains(KINDS[kind], FRAMES)
     # The design asks for 0.20° RMSE up, 0.3° down, 95 % accepted and none beyond 3°; one of two dozen may be refused.
-    assert len(errors) >= count - 1 >= 8
+    assert len(errors) >= count - 1 >= 7
     assert rms(errors) < 0.15 * DEG
     assert np.abs(errors).max() < 0.6 * DEG
 

@@ -7,8 +7,6 @@ from pathlib import Path
 
 import pytest
 
-SLOW = pytest.mark.skipif("TREADLINE_SLOW" not in os.environ, reason="make slow runs these: each compiles everything anew")
-
 RENDERED = """
 from treadline.core.kernel_cache import compiling
 from treadline.ros import channels as on
@@ -42,7 +40,6 @@ print(warmed_s, spent_s, len(seen))
 
 
 @pytest.mark.slow
-@SLOW
 @pytest.mark.parametrize("scenario", ["flight-20", "down-28"])
 def test_the_warm_up_compiles_all_that_rendered_frames_need(tmp_path: Path, scenario: str) -> None:
     """Test: an empty cache, then frames rendered on the flight, up and down. Expected result: headings, and nothing compiled."""

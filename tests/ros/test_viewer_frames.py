@@ -131,7 +131,7 @@ def test_a_drop_is_drawn_where_the_ground_ends() -> None:
     assert math.atan2(*(last - first)[:2]) == pytest.approx(-math.radians(10.0))
 
 
-def test_each_topic_is_told_once(graph: dict[str, tuple[str, list[Any]]]) -> None:
+def test_each_quantity_has_one_topic(graph: dict[str, tuple[str, list[Any]]]) -> None:
     twins = [topic for topic in graph if topic + "/detail" in graph]
     assert twins == []
 

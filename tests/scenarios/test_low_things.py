@@ -16,9 +16,7 @@ KERB = FLIGHT | {"steps": 1, "slope_deg": None}
 TRIPS: dict[str, tuple[str, dict[str, Any], list[dict[str, Any]]]] = {
     "a kerb of 118/600 mm up": ("up", KERB | {"rise_m": 0.118, "run_m": 0.6}, []),
     "a kerb of 118/600 mm down": ("down", KERB | {"rise_m": 0.118, "run_m": 0.6}, []),
-    "a threshold of 20 mm": ("up", KERB | {"rise_m": 0.02}, []),
     "a threshold of 30 mm down": ("down", KERB | {"rise_m": 0.03}, []),
-    "a sill of 20 mm before the stair": ("up", FLIGHT, [BAR | {"height_m": 0.02, "distance_m": 0.5}]),
     "a sill of 30 mm before the stair": ("up", FLIGHT, [BAR | {"distance_m": 0.5}]),
     "a floor that goes on 40 mm lower": ("up", FLIGHT, [{"height_m": -0.04, "distance_m": 0.3}]),
     "a bar of 40 mm on the landing, down": ("down", FLIGHT, [BAR | {"height_m": 0.04, "distance_m": 0.7, "step": -1}]),

@@ -32,11 +32,9 @@ def ride(place: str, stopped_s: float) -> Traverse:
 @pytest.mark.parametrize(
     ("place", "phase", "stopped_s", "half_way"),
     [
-        pytest.param("floor", "align", 0.5, False, id="turning square"),
         pytest.param("floor", "traction", 19.5, False, id="testing the traction"),
         pytest.param("flight", "crest", 12.6, False, id="reaching for the landing"),
         pytest.param("flight", "crest", 21.4, True, id="led down over the crest"),
-        pytest.param("landing", "edge", 14.5, True, id="lifted at the edge"),
         pytest.param("landing", "leave", 29.6, False, id="leaving"),
     ],
 )

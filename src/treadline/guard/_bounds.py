@@ -38,7 +38,7 @@ SEEN_M = 65.535
 """Largest distance that a depth image of 16-bit millimetres can hold [m]: no camera measures a place beyond."""
 
 MOST_NOSINGS = 100
-"""Largest number of nosings in a map: more than a camera sees of the longest flight. Each costs time in a tick."""
+"""Largest number of nosings in a map, and of ends of a landing's sides: more than a camera sees. Each costs time in a tick."""
 
 
 def finite(*values: float) -> bool:
@@ -104,7 +104,11 @@ def _ground_fault(ground: FreeGround, _: GuardConfig) -> str:
         return f"shows ground from {ground.blind_m:g} to {ground.seen_m:g} m that ends at {end_m:g} ± {sigma_m:g} m"
     if not 0.0 <= (ground.drop_m or 0.0) < math.inf:
         return f"shows a drop of {ground.drop_m:g} m"
-    return _angle_fault("direction", ground.direction_rad or 0.0) or _number_fault(ground.direction_sigma_rad or 0.0)
+    if len(ground.sides_B) % 2 or len(ground.sides_B) > MOST_NOSINGS:
+        return f"holds {len(ground.sides_B)} ends of sides"
+    far = _size_fault("holds a side {:g} m away", SEEN_M, *(value for end in ground.sides_B for value in end))
+    direction = _angle_fault("direction", ground.direction_rad or 0.0)
+    return far or direction or _number_fault(ground.direction_sigma_rad or 0.0)
 
 
 def _plan_fault(plan: MotionPlan, limits: GuardConfig) -> str:

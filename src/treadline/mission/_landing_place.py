@@ -93,16 +93,16 @@ class LandingPlace:
     def _see(self, ends_B: Float[np.ndarray, "2 2"], pose: Vector3, moved: Vector3) -> None:
         """Correct by one side; ``moved`` is the motion since the frame."""
         c, s = math.cos(pose[2]), math.sin(pose[2])
-        arms = ends_B @ np.array([[c, s], [-s, c]])
-        along = arms[1] - arms[0]
-        off_m, line = min((self._off_m(along, pose[:2] + arms.mean(axis=0), line), line) for line in self._lines)
+        ends_F = ends_B @ np.array([[c, s], [-s, c]])
+        along = ends_F[1] - ends_F[0]
+        off_m, line = min((self._off_m(along, pose[:2] + ends_F.mean(axis=0), line), line) for line in self._lines)
         if off_m > SAME_SIDE_M:
             return
         normal = np.array(line[:2])
-        for arm in arms:
-            H = np.array([*normal, normal @ (-arm[1], arm[0]), 0.0])
+        for end in ends_F:
+            H = np.array([*normal, normal @ (-end[1], end[0]), 0.0])
             gain = self._P @ H / (H @ self._P @ H + SIDE_SIGMA_M**2)
-            self._state += gain * (line[2] - normal @ (self._state[:2] - moved[:2] + arm))
+            self._state += gain * (line[2] - normal @ (self._state[:2] - moved[:2] + end))
             self._P = self._P - np.outer(gain, H @ self._P)
 
     def _off_m(self, along: Float[np.ndarray, " 2"], middle: Float[np.ndarray, " 2"], line: tuple[float, float, float]) -> float:
