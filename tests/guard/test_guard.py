@@ -13,6 +13,7 @@ from world import TICK_S, estimate, heading, limits, stair
 from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.signals import (
+    FreeGround,
     HeadingMeasurement,
     MotionPlan,
     OperatorInput,
@@ -308,19 +309,21 @@ def test_a_fault_that_readings_do_not_show_brakes_at_once() -> None:
 
 
 def test_what_no_camera_and_no_planner_says_is_rejected_and_reported_once() -> None:
-    """Test: unknown words of direction and phase, and a map of 3,000 nosings ten times. Expected result: one event each, the
+    """Test: unknown words of direction and phase, half a side, a map of 3,000 nosings ten times. Expected: one event each, the
     tenth second later with the number of those between."""
     guard = Guard(limits())
     guard.step(2.0, None)
     guard.take_events()
     guard.on_message(MotionPlan(t_s=2.0, phase="sideways", speed_m_s=0.1))  # type: ignore[arg-type]
     guard.on_message(stair(2.0, [1.0], direction="sideways"))
+    guard.on_message(FreeGround(t_s=2.0, view="front", blind_m=0.5, seen_m=2.0, sides_B=((1.0, 0.0, 0.0),)))
     for t_s in (*[2.001 + 0.001 * k for k in range(9)], 12.0):
         guard.advance(t_s)
         assert not guard.on_message(stair(t_s, [0.1 * n for n in range(3000)]))
     assert [event.cause for event in guard.take_events()] == [
         "MotionPlan has an unknown phase 'sideways'",
         "StairMap leads 'sideways', neither up nor down",
+        "FreeGround holds 1 ends of sides",
         "StairMap holds 3000 nosings; 9 more since",
     ]
 

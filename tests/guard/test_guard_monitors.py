@@ -9,7 +9,7 @@ import pytest
 from world import belts, estimate, flipper, frame, heading, imu, known, limits, stair
 
 from treadline.core.angles import DEG
-from treadline.core.signals import ImuSample, MotionPlan, SeatReading, TrackCommand
+from treadline.core.signals import FreeGround, ImuSample, MotionPlan, SeatReading, TrackCommand
 from treadline.guard import Guard, GuardConfig, ReadingAdmission
 from treadline.guard._attitude_limits import SeatMonitor
 from treadline.guard._belt_monitor import BeltMonitor
@@ -21,6 +21,7 @@ from treadline.guard._sightings import Sightings
 from treadline.guard._slip_monitor import SlipMonitor
 from treadline.guard._speed_limits import limited, mean_limit
 from treadline.guard._stamps import Stamps
+from treadline.guard._swept_outline import SweptOutline
 from treadline.guard.stop_latch import Latch
 
 NOW = known(limits())
@@ -501,6 +502,19 @@ def moved(t_s: float, orientation: tuple[float, ...], pitch_rate_rad_s: float) -
 
 def plan(phase: Any, *, needs_stair: bool = False) -> MotionPlan:
     return MotionPlan(t_s=0.0, phase=phase, speed_m_s=0.1, needs_stair=needs_stair)
+
+
+def test_a_side_of_one_landing_is_forgotten_on_the_next() -> None:
+    """Test: a wall 0.3 m ahead in a turn, then a flight, then a turn without a side in view."""
+    config, level = limits(turn_outline_m=(0.5, 0.5, 0.4)), tilted(0.0, 0.0)
+    watch, in_turn, on_flight = SweptOutline(config), known(config, plan=plan("turn")), known(config, plan=plan("climb"))
+    watch.hear(moved(0.0, level, 0.0), in_turn)
+    watch.hear(FreeGround(t_s=0.0, view="front", blind_m=0.5, seen_m=2.0, sides_B=((0.3, -1.0, 0.0), (0.3, 1.0, 0.0))), in_turn)
+    assert watch.cause(in_turn) == "an edge or a wall comes within 0.05 m of the chair that turns"
+    assert watch.cause(on_flight) is None
+    for t_s, now in ((0.1, on_flight), (0.2, in_turn)):
+        watch.hear(moved(t_s, level, 0.0), now)
+    assert watch.cause(in_turn) is None
 
 
 def turning(apart_m_s: float, phase: Any, ticks: int, watch: GyroOnlyTurn | None = None) -> GyroOnlyTurn:
