@@ -15,7 +15,7 @@ from unittest.mock import patch
 from processes import wait_for
 
 from treadline.core.signals import TICK_S
-from treadline.hardware import _base_link, _can_link, _vesc_wire
+from treadline.hardware import _base_link, _can_link
 from treadline.hardware._base_link import BaseLink
 from treadline.hardware._can_link import CanSimpleLink
 from treadline.hardware._links import REARM_S
@@ -183,7 +183,7 @@ def vesc_rig(folder: Path, patch_: Any, *faults: str, timeout_s: float = 0.3) ->
         def read(self) -> list[tuple[float, Any]]:
             return [(chair.t_s, item) for _, item in super().read()]
 
-    patch_.setattr(_vesc_wire, "DeviceThreads", OnTheClock)
+    patch_.setattr(_can_link, "DeviceThreads", OnTheClock)
     drives = VescDrives(chair, Faults(faults), Terminal(folder / "sensors"), bus)
     drives._timeout_s = timeout_s
     motors = {"left_id": 1, "right_id": 2, "wheel_radius_m": PULLEY_M, "pole_pairs": POLE_PAIRS, "gear_ratio": GEAR_RATIO}

@@ -40,8 +40,6 @@ HEARTBEAT = struct.Struct("<IBBBx")
 COMMAND_BITS = 5
 SETTLE_S = 2.0
 """Time in which an axis must take a state [s]: twenty heartbeats of the default period."""
-ECHOES = 64
-"""Remembered commands, of which a bus may return copies."""
 
 
 class CanCommand(IntEnum):
@@ -119,14 +117,7 @@ class CanSimpleLink:
     ) -> None:
         self._turn_m = turn_m(wheel_radius_m, gear_ratio)
         self._axes = {node: Axis(node) for node in _nodes(left_node, right_node)}
-        self._limits, self._name = limits, f"{interface} {channel}"
-        self._bus = open_bus(interface=interface, channel=channel, **options)
-        self._threads: DeviceThreads[can.Message, can.Message] = DeviceThreads(
-            self._bus.recv,
-            self._transmit,
-            lambda error: f"the CAN bus {self._name} has gone ({error}); bring it up and start again",
-        )
-        self._sent: deque[tuple[int, bytes]] = deque(maxlen=ECHOES)
+        self._limits, self._bus = limits, CanBus(interface=interface, channel=channel, **options)
         self._voltage_v: float | None = None
         self._phase = "latched"
         """latched; proving: standing without a command until the watchdog trips; arming; armed."""
@@ -141,7 +132,7 @@ class CanSimpleLink:
             LinkError: If the bus has gone, a drive speaks another protocol, or two drives have one id.
         """
         states = []
-        for t_s, message in self._threads.read():
+        for t_s, message in self._bus.read():
             # SocketCAN reports faults of the bus as messages too.
             is_report = not (message.is_remote_frame or message.is_error_frame)
             if not is_report or message.arbitration_id >> COMMAND_BITS not in self._axes:
@@ -183,8 +174,7 @@ class CanSimpleLink:
     def close(self) -> None:
         """Stop the drives and release the bus."""
         self.stop()
-        self._threads.close()
-        self._bus.shutdown()
+        self._bus.close()
 
     def _take(self, message: can.Message) -> None:
         """Keep what a message reports."""
@@ -208,8 +198,10 @@ class CanSimpleLink:
                 axis.serials.add(content[1:7])
                 if len(axis.serials) > 1:
                     raise LinkError(f"two drives have the node id {axis.node}; set another one with odrivetool: can.config.node_id")
-            case CanCommand.SET_INPUT_VEL | CanCommand.SET_AXIS_STATE:
-                self._note_command(message.arbitration_id, content)
+            case CanCommand.SET_INPUT_VEL | CanCommand.SET_AXIS_STATE if (
+                not self._bus.is_echo(message) and self._phase != "latched"
+            ):
+                self._fail(f"two hosts send commands to drive {axis.node}; stop one of them")
 
     def _identify(self, axis: Axis, protocol: int) -> None:
         """Keep the protocol of an axis, and ask for its serial number."""
@@ -218,13 +210,6 @@ class CanSimpleLink:
         if axis.protocol is None:
             axis.protocol = protocol
             self._ask(CanCommand.ADDRESS)
-
-    def _note_command(self, identifier: int, content: bytes) -> None:
-        """Stop where a command on the bus is neither this link's nor a copy of it that the bus returns."""
-        if (identifier, content) in self._sent:
-            self._sent.remove((identifier, content))
-        elif self._phase != "latched":
-            self._fail(f"two hosts send commands to drive {identifier >> COMMAND_BITS}; stop one of them")
 
     def _advance(self) -> None:
         """Carry on with arming, and stop both axes where one has stopped; the watchdog, which the state names, is no fault."""
@@ -285,14 +270,54 @@ class CanSimpleLink:
     def _send(self, node: int, command: CanCommand, content: bytes = b"", *, remote: bool = False) -> None:
         identifier = node << COMMAND_BITS | command
         message = can.Message(arbitration_id=identifier, data=content, is_extended_id=False, is_remote_frame=remote)
-        if command in (CanCommand.SET_INPUT_VEL, CanCommand.SET_AXIS_STATE):
-            self._sent.append((identifier, content))
+        self._bus.write(message, is_command=command in (CanCommand.SET_INPUT_VEL, CanCommand.SET_AXIS_STATE))
+
+
+class CanBus:
+    """Bus of python-can that is read and written in threads of its own, and separates its own commands from another host's.
+
+    Args:
+        options: Interface, channel and further options of python-can's bus.
+
+    Raises:
+        LinkError: If it does not open.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        bus = self._bus = open_bus(**options)
+        gone = f"the CAN bus {options['interface']} {options['channel']} has gone"
+
+        def transmit(message: can.Message) -> None:
+            # A bus that takes no message is reported by ``read``, and stops the drives by their watchdog.
+            with contextlib.suppress(can.CanError, OSError):
+                bus.send(message, timeout=0)
+
+        self._threads: DeviceThreads[can.Message, can.Message] = DeviceThreads(
+            bus.recv, transmit, lambda error: f"{gone} ({error}); bring it up and start again"
+        )
+        self.read = self._threads.read
+        """Returns the messages since the last call, with the monotonic time of their arrival [s]; raises if the bus has gone."""
+        self._sent: deque[tuple[int, bytes]] = deque(maxlen=64)
+        """Commands of which the bus may return copies."""
+
+    def write(self, message: can.Message, *, is_command: bool = True) -> None:
+        """Send a message; a command is remembered, because a bus may return a copy of it."""
+        if is_command:
+            self._sent.append((message.arbitration_id, bytes(message.data)))
         self._threads.write(message)
 
-    def _transmit(self, message: can.Message) -> None:
-        """Send a message; a bus that takes none is reported by ``poll``, and stops the drives by their watchdog."""
-        with contextlib.suppress(can.CanError, OSError):
-            self._bus.send(message, timeout=0)
+    def is_echo(self, message: can.Message) -> bool:
+        """Return whether a command on the bus is a copy of one that was sent here; each copy counts once."""
+        command = message.arbitration_id, bytes(message.data)
+        is_own = command in self._sent
+        if is_own:
+            self._sent.remove(command)
+        return is_own
+
+    def close(self) -> None:
+        """Release the bus."""
+        self._threads.close()
+        self._bus.shutdown()
 
 
 def open_bus(**options: Any) -> can.BusABC:

@@ -8,17 +8,14 @@ Source: vedderb/bldc, ``documentation/comm_can.md``. An identifier of 29 bits is
 id; numbers are big-endian.
 """
 
-import contextlib
 import struct
-from collections import deque
 from typing import Any
 
 import can
 
 from treadline.core.errors import LinkError
 from treadline.hardware._base_link import BaseOdometry
-from treadline.hardware._can_link import ECHOES, open_bus, turn_m
-from treadline.hardware.device_threads import DeviceThreads
+from treadline.hardware._can_link import CanBus, turn_m
 
 SET_CURRENT_BRAKE, SET_RPM, STATUS, STATUS_5 = 2, 3, 9, 27
 """The four commands in use."""
@@ -26,7 +23,6 @@ COMMAND = struct.Struct(">i")
 """Current of the brake [mA], or electrical revolutions per minute."""
 SPEED, SUPPLY = struct.Struct(">ihh"), struct.Struct(">ih")
 """Electrical revolutions per minute, current [0.1 A] and duty [0.001]; tachometer and voltage [0.1 V]."""
-MILLI, DECI = 1e-3, 0.1
 
 
 class VescWire:
@@ -61,30 +57,25 @@ class VescWire:
     ) -> None:
         if left_id == right_id or not (0 <= left_id < 255 and 0 <= right_id < 255) or pole_pairs < 1 or brake_a <= 0.0:
             raise LinkError(f"left_id {left_id}, right_id {right_id}, pole_pairs {pole_pairs}, brake_a {brake_a:g}: see VESC Tool")
-        self._ids, self._brake = (left_id, right_id), COMMAND.pack(round(brake_a / MILLI))
+        self._ids, self._brake = (left_id, right_id), COMMAND.pack(round(1000.0 * brake_a))
         self._m_s = turn_m(wheel_radius_m, gear_ratio) / (60.0 * pole_pairs)
         self._speeds: dict[int, float] = {}
-        self._sent: deque[tuple[int, bytes]] = deque(maxlen=ECHOES)
         self._voltage_v: float | None = None
-        bus = self._bus = open_bus(interface=interface, channel=channel, **options)
-        gone = f"the CAN bus {interface} {channel} has gone"
-        self._threads: DeviceThreads[can.Message, can.Message] = DeviceThreads(
-            bus.recv, self._transmit, lambda error: f"{gone} ({error}); bring it up and start again"
-        )
+        self._bus = CanBus(interface=interface, channel=channel, **options)
 
     def read(self) -> list[tuple[float, BaseOdometry]]:
         """Return the belts' speeds, once for each pair of status messages."""
         found = []
-        for t_s, message in self._threads.read():
+        for t_s, message in self._bus.read():
             command, drive = divmod(message.arbitration_id, 1 << 8)
             if not message.is_extended_id or drive not in self._ids:
                 continue
-            if command in (SET_RPM, SET_CURRENT_BRAKE):
-                self._note_command(message.arbitration_id, bytes(message.data))
+            if command in (SET_RPM, SET_CURRENT_BRAKE) and not self._bus.is_echo(message):
+                raise LinkError(f"two hosts send commands to drive {drive}; stop one of them")
             if command == STATUS and len(message.data) >= SPEED.size:
                 self._speeds[drive] = SPEED.unpack_from(message.data)[0] * self._m_s
             elif command == STATUS_5 and len(message.data) >= SUPPLY.size:
-                self._voltage_v = SUPPLY.unpack_from(message.data)[1] * DECI
+                self._voltage_v = SUPPLY.unpack_from(message.data)[1] / 10.0
             if len(self._speeds) == len(self._ids):
                 left, right = (self._speeds.pop(drive) for drive in self._ids)
                 found.append((t_s, BaseOdometry("base_link", "", (0.0, 0.0), left, right, self._voltage_v)))
@@ -96,20 +87,8 @@ class VescWire:
             command, content = (
                 (SET_RPM, COMMAND.pack(round(speed_m_s / self._m_s))) if speed_m_s else (SET_CURRENT_BRAKE, self._brake)
             )
-            self._sent.append((command << 8 | drive, content))
-            self._threads.write(can.Message(arbitration_id=self._sent[-1][0], data=content))
+            self._bus.write(can.Message(arbitration_id=command << 8 | drive, data=content))
 
     def close(self) -> None:
         """Release the bus."""
-        self._threads.close()
-        self._bus.shutdown()
-
-    def _note_command(self, identifier: int, content: bytes) -> None:
-        """Raise where a command on the bus is neither this wire's nor a copy of it that the bus returns."""
-        if (identifier, content) not in self._sent:
-            raise LinkError(f"two hosts send commands to drive {identifier & 255}; stop one of them")
-        self._sent.remove((identifier, content))
-
-    def _transmit(self, message: can.Message) -> None:
-        with contextlib.suppress(can.CanError, OSError):
-            self._bus.send(message, timeout=0)
+        self._bus.close()
