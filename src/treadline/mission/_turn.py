@@ -22,8 +22,8 @@ from treadline.mission._over_the_end import is_clear
 from treadline.mission._situation import Situation, TurnCommand
 from treadline.mission.mission_config import KnownLandings
 from treadline.vehicle.flight_plan import FlightPlan
-from treadline.vehicle.landing_turn import CLEAR_M, OFF_PLAN_M, Outline, free_start, way_over
-from treadline.vehicle.landing_turn_kernels import DRIVE_M, HEADING_RAD
+from treadline.vehicle.landing_turn import CLEAR_M, OFF_PLAN_M, free_start, way_over
+from treadline.vehicle.landing_turn_kernels import DRIVE_M, HEADING_RAD, Outline
 from treadline.vehicle.loading import plumb
 
 TURN_RAD_S = 15.0 * DEG

@@ -19,7 +19,7 @@ from treadline.scenario.chair import ChairDescription, Tracks
 from treadline.scenario.scenario import Chair, Scenario
 from treadline.vehicle._start_view import StartView
 from treadline.vehicle.bodies import Vehicle, flipper_turns, vehicle
-from treadline.vehicle.landing_turn import Outline
+from treadline.vehicle.landing_turn_kernels import Outline
 from treadline.vehicle.stair_solids import Box, stair_boxes, stair_solids
 from treadline.vehicle.staircase import Staircase, as_designed
 from treadline.vehicle.start_pose import CLEARANCE_M, LANDING_LEAST_M, Standing, from_edge_m, length_m, rounded_off_m, standing

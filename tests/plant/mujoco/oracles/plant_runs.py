@@ -13,7 +13,6 @@ from treadline.core.ports import Truth
 from treadline.core.rotations import rotation_of
 from treadline.core.signals import SeatCommand, TrackCommand
 from treadline.plant.mujoco import NOMINAL, MujocoPlant, Physics, open_plant
-from treadline.plant.mujoco import _step_kernels as kernels
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Chair, Scenario
 from treadline.vehicle.bodies import centre_of_mass
@@ -117,7 +116,7 @@ class PlantRun:
 
     plant: MujocoPlant
     log: np.ndarray
-    """One row per tick, columns as in ``kernels``."""
+    """One record ``kernels.ROW`` per tick."""
     settle_s: float
 
     @property
@@ -126,7 +125,7 @@ class PlantRun:
         return self.log[round(self.settle_s * TICKS_A_SECOND) + 1 :]
 
     @property
-    def begin(self) -> np.ndarray:
+    def begin(self) -> np.void:
         """Row at which settling ends."""
         return self.log[round(self.settle_s * TICKS_A_SECOND)]
 
@@ -136,23 +135,23 @@ class PlantRun:
 
     @property
     def yaw_deg_s(self) -> float:
-        turned = heading_rad(self.plant, self.log[-1]) - heading_rad(self.plant, self.begin)
+        turned = heading_rad(self.plant, self.log[-1]["qpos"]) - heading_rad(self.plant, self.begin["qpos"])
         return turned / self.duration_s / DEG
 
     @property
     def climb_m_s(self) -> float:
-        went = heading_and_place(self.plant, self.log[-1])[1] - heading_and_place(self.plant, self.begin)[1]
+        went = heading_and_place(self.plant, self.log[-1]["qpos"])[1] - heading_and_place(self.plant, self.begin["qpos"])[1]
         return went / self.duration_s
 
     @property
     def load(self) -> np.ndarray:
         """Largest sum of the normal forces in each tick, over the weight."""
-        return self.settled[:, kernels.FORCE_MAX] / self.plant._weight_n
+        return self.settled["force_max"] / self.plant._weight_n
 
     @property
     def airborne(self) -> int:
         """Number of physics steps without contact."""
-        return int(self.settled[:, kernels.AIRBORNE].sum())
+        return int(self.settled["airborne"].sum())
 
 
 def plant_run(plant: MujocoPlant, belts: tuple[float, float], duration_s: float, settle_s: float = 1.0) -> PlantRun:
