@@ -11,17 +11,13 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.rotations import Vector3
+from treadline.core.step_sizes import OBSTACLE_CLEAR_M
 from treadline.vehicle import landing_turn_kernels as kernels
 from treadline.vehicle.flight_plan import FlightPlan
 from treadline.vehicle.landing_turn_kernels import Landing, Outline
 
-CLEAR_M = 0.05
-"""Distance of the outline from walls and edges that are seen [m]."""
 OFF_PLAN_M = 0.04
 """Largest distance of the chair from its plan in a turn [m]: a landing has room for it."""
-FROM_EDGE_M = 0.34
-"""Least distance of the belts, with the room around them, from the edge of the next flight down once the chair has turned [m]: that
-at which the guard holds a chair that enters no flight yet."""
 WITHIN_M = 0.002
 """Resolution of the least landing [m]."""
 NEAR_M = 0.16
@@ -48,7 +44,8 @@ def way_over(
     pose = np.array([outline.belts_rear_m, 0.0, 0.0]) if start is None else start * mirrored
     goal = np.array([landing.foot_x, landing.foot_y, landing.turn]) if up else np.zeros(3)
     lane_m = max(0.5 * width_m - outline.half_m, kernels.CELL_M)
-    before_m = 0.0 if up else outline.belts_rear_m + FROM_EDGE_M
+    # The guard holds a chair that enters no flight yet at this distance from the edge.
+    before_m = 0.0 if up else outline.belts_rear_m + OBSTACLE_CLEAR_M
     return np.asarray(kernels.search(landing, outline, pose, goal, lane_m, before_m) * mirrored)
 
 

@@ -15,7 +15,7 @@ from treadline.core.rotations import Rotation, Vector3, rotation_of
 from treadline.core.signals import TICK_S
 from treadline.plant.gazebo import _gzserver as server
 from treadline.plant.gazebo._gzserver import NO_TURN_RULE, PLUGIN, Environment, find_environment
-from treadline.plant.sensors._instruments import ChairState, InstrumentedPlant
+from treadline.plant.sensors._instruments import SETTLE_TICKS, ChairState, InstrumentedPlant
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.scenario import Belts, Scenario
 from treadline.vehicle.sdf import Lockstep, film_meshes, sdf_world
@@ -23,8 +23,6 @@ from treadline.vehicle.start_pose import standing
 
 STEPS = 10
 """Number of 1 ms steps per tick."""
-SETTLE_TICKS = 100
-"""Duration of settling before t = 0 on a stair of high friction [ticks], until the chair rests on its nosings."""
 SETTLE_FRICTION = (1.0, 1.0)
 """Friction coefficients of the stair during settling; ODE uses the smaller of the two bodies' coefficients."""
 

@@ -27,7 +27,7 @@ from treadline.plant.mujoco import _step_kernels as kernels
 from treadline.plant.mujoco._mjcf_scene import friction_table, model_xml, roughened, seat_stiffness
 from treadline.plant.mujoco._native import contact_layout, contact_list, load_library, noslip_address, pointer_offsets
 from treadline.plant.mujoco.contact._parameters import NOMINAL, Physics, fit_lugs
-from treadline.plant.sensors._instruments import SUPPORT_TICKS, ChairState, InstrumentedPlant, look
+from treadline.plant.sensors._instruments import SETTLE_TICKS, SUPPORT_TICKS, ChairState, InstrumentedPlant, look
 from treadline.plant.sensors.camera.solids import SceneBox
 from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription
 from treadline.scenario.scenario import Scenario
@@ -35,8 +35,6 @@ from treadline.vehicle.bodies import SIDES, vehicle
 from treadline.vehicle.staircase import up_W
 from treadline.vehicle.start_pose import standing
 
-SETTLE_S = 1.0
-"""Duration of the physics before t = 0 on a stair of high friction [s], until the chair rests on its nosings."""
 SETTLE_FRICTION = 4.0
 """Friction coefficient during settling."""
 CONTACTS_MAX = 128
@@ -227,9 +225,8 @@ class MujocoPlant(InstrumentedPlant):
         mujoco.mj_forward(self._model, self._data)
         self._attach()
         self._drives.command[:] = (0.0, 0.0, 1.0, 0.0, 0.0)
-        ticks = round(SETTLE_S / TICK_S)
-        log = np.empty(ticks, kernels.ROW)
-        self._run(ticks, log, roughened(self._friction, SETTLE_FRICTION))
+        log = np.empty(SETTLE_TICKS, kernels.ROW)
+        self._run(SETTLE_TICKS, log, roughened(self._friction, SETTLE_FRICTION))
         self._settled_reach = log["support"][-SUPPORT_TICKS:].max(axis=0)
         self._data.qvel[:] = 0.0
         self._drives.command[:] = 0.0

@@ -98,6 +98,8 @@ class Encoder:
         return (math.floor(self._travel_counts) - before) / (self._counts_m * TICK_S)
 
 
+SETTLE_TICKS = 100
+"""Duration of the physics before t = 0 on a stair of high friction [ticks], until the chair rests on its nosings."""
 SUPPORT_TICKS = 25
 """Number of ticks during which a contact counts as support: contacts of a rocking chair are intermittent, and a chair drives 5 cm
 in a quarter of a second."""
