@@ -69,8 +69,9 @@ def held(plant: MujocoPlant, left_m_s: float, right_m_s: float, until_s: float, 
     return list(plant.truth())
 
 
-def heading_and_place(plant: MujocoPlant, pose: np.ndarray) -> tuple[float, float]:
-    """Return heading and distance up the flight in the stair's frame; ``pose`` begins with position and quaternion."""
+def heading_and_place(plant: MujocoPlant, row: np.void) -> tuple[float, float]:
+    """Return heading and distance up the flight in the stair's frame at a row of the log."""
+    pose = row["qpos"]
     R_SB = plant.staircase.R_WS.T @ rotation_of(np.ascontiguousarray(pose[3:7]))
     p_SB = plant.staircase.R_WS.T @ (pose[:3] - plant.staircase.p_WS)
     return math.atan2(R_SB[1, 0], R_SB[0, 0]), float(p_SB[0])
@@ -78,15 +79,15 @@ def heading_and_place(plant: MujocoPlant, pose: np.ndarray) -> tuple[float, floa
 
 def theory_from(
     plant: MujocoPlant,
-    pose: np.ndarray,
+    row: np.void,
     slope_deg: float,
     friction: tuple[float, float],
     belts: tuple[float, float],
     duration_s: float,
 ) -> QuasiStaticRun:
-    """Return the run of the Coulomb model with the chair's inertia that begins in a pose of the plant."""
+    """Return the run of the Coulomb model with the chair's inertia that begins at a row of the plant's log."""
     slope = slope_deg * DEG
-    heading, place = heading_and_place(plant, pose)
+    heading, place = heading_and_place(plant, row)
     # A nosing is touched where its round bar's axis lies under the belt, a little up the slope from the sharp edge.
     edge_m = plant.staircase.nosing_radius_m * (math.cos(slope) - math.sin(slope))
     return dynamic_run(
@@ -102,11 +103,11 @@ def theory_from(
     )
 
 
-def heading_rad(plant: MujocoPlant, pose: np.ndarray) -> float:
+def heading_rad(plant: MujocoPlant, row: np.void) -> float:
     """Return the heading in the stair's frame, or on the floor in the world's, of which the stair's frame is tilted."""
     if plant._scenario.start.place != "floor":
-        return heading_and_place(plant, pose)[0]
-    R_WB = rotation_of(np.ascontiguousarray(pose[3:7]))
+        return heading_and_place(plant, row)[0]
+    R_WB = rotation_of(np.ascontiguousarray(row["qpos"][3:7]))
     return math.atan2(R_WB[1, 0], R_WB[0, 0])
 
 
@@ -135,12 +136,12 @@ class PlantRun:
 
     @property
     def yaw_deg_s(self) -> float:
-        turned = heading_rad(self.plant, self.log[-1]["qpos"]) - heading_rad(self.plant, self.begin["qpos"])
+        turned = heading_rad(self.plant, self.log[-1]) - heading_rad(self.plant, self.begin)
         return turned / self.duration_s / DEG
 
     @property
     def climb_m_s(self) -> float:
-        went = heading_and_place(self.plant, self.log[-1]["qpos"])[1] - heading_and_place(self.plant, self.begin["qpos"])[1]
+        went = heading_and_place(self.plant, self.log[-1])[1] - heading_and_place(self.plant, self.begin)[1]
         return went / self.duration_s
 
     @property
