@@ -164,10 +164,10 @@ def run_mujoco(case: Case, *, corrected: bool, until_s: float = UNTIL_S) -> tupl
         rows = data.contact.efc_address
         force = float(data.efc_force[rows[rows >= 0]].sum()) / weight
         track.add(tick * TICK_S, *yaw_and_place(plant, rotation_of(data.qpos[3:7]), data.qpos[:3]), force)
-        belts.append(row[kernels.BELTS : kernels.BELTS + 2].copy())
+        belts.append(row["belts"].copy())
         if tick * TICK_S > FROM_S:
-            airborne, steps = airborne + row[kernels.AIRBORNE], steps + plant._physics.substeps
-            track.largest = max(track.largest, row[kernels.FORCE_MAX] / weight)
+            airborne, steps = airborne + row["airborne"], steps + plant._physics.substeps
+            track.largest = max(track.largest, row["force_max"] / weight)
     track.airborne = airborne / steps
     return track, np.array(belts)
 

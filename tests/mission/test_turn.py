@@ -10,6 +10,7 @@ from world import belts, flipper
 from treadline.core.angles import DEG
 from treadline.core.rotations import rotation_z
 from treadline.core.signals import TICK_S, HeadingEstimate
+from treadline.core.step_sizes import TURN_CLEAR_M
 from treadline.estimation.stair_tracker import StairTracker
 from treadline.mission import _turn
 from treadline.mission._flat_ground_steering import SKID, LevelSteering
@@ -19,7 +20,7 @@ from treadline.plant.sensors._free_ground import GroundAhead
 from treadline.run.resolve import mission_config
 from treadline.scenario.scenario import Scenario
 from treadline.scenario.shipped_files import shipped_controller
-from treadline.vehicle.landing_turn import CLEAR_M, numbers_of
+from treadline.vehicle.landing_turn import landing_of
 from treadline.vehicle.landing_turn_kernels import is_free
 from treadline.vehicle.loading import Loading
 from treadline.vehicle.staircase import as_designed
@@ -73,7 +74,7 @@ def turned(
     expected = pose.copy()
     monkeypatch.setattr(_turn, "pose_on", lambda *_: expected)
     pose += (0.0, aside_m, off_rad) if is_up else (*(aside_m * np.array([-up[1], up[0]])), off_rad)
-    outline, numbers, mirror = known.outline.wider(CLEAR_M - 0.02).numbers, *numbers_of(plan, known.width_m)
+    outline, numbers, mirror = known.outline.wider(TURN_CLEAR_M - 0.02), *landing_of(plan, known.width_m)
     speed = rate = fastest = 0.0
     angle, was_free, goal = 40.0 * DEG, True, plan.turn_rad if is_up else 0.0
     for tick in range(6000):

@@ -73,10 +73,8 @@ def test_a_chair_upon_a_kerb_that_would_turn_onto_its_front_pulley_within_two_de
     gap_deg: float, margin_deg: float
 ) -> None:
     """Test: a level chair balanced on an edge below its centre of mass, 0.5 m high, its front pulley 0.25 m ahead in the air."""
-    numbers = np.zeros(kernels.CHAIR)
-    numbers[[kernels.HALF_RUN, kernels.CHASSIS_KG]] = 0.25, 50.0
-    run = np.array([[-0.25, 0.07, 0.5, 0.07, 0.07, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]])
-    numbers[kernels.CHASSIS + 2] = 0.5
+    numbers = kernels.ChairNumbers(half_run=0.25, hinge=(0.0, 0.0, 0.0), seat_kg=0.0, chassis_kg=50.0, chassis=(0.0, 0.0, 0.5))
+    run = np.array([((-0.25, 0.07), 0.5, (0.07, 0.07), 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.5)], kernels.SECTION)
     floor = np.array([[0.25, 0.0, 1.0, 0.0, 0.1, 0.6, -0.25 * math.tan(math.radians(gap_deg)), 0.0]])
     found = kernels.truth(
         *(np.eye(3), np.zeros(3), np.eye(3), np.zeros(3), np.zeros(3), 0.0, 0.0, np.array([0.0, 0.5, 9.0, 9.0]), -1),

@@ -12,7 +12,8 @@ from treadline.run.resolve import checked
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario
 from treadline.vehicle.flight_plan import FlightPlan
-from treadline.vehicle.landing_turn import Outline, least_landing_m, way_over
+from treadline.vehicle.landing_turn import least_landing_m, way_over
+from treadline.vehicle.landing_turn_kernels import Outline
 from treadline.vehicle.start_checks import outline_of
 
 CHAIR = read_chair("wheelchair")

@@ -43,9 +43,6 @@ PASSED_M = 2.0 * CORRELATED_M
 had in common with the next one of a chair that rolls back, e⁻² is left."""
 KNOWN_AFTER = 2
 """Number of maps that must show a nosing, or the end of the flight, before it counts."""
-NEAR_M = 1.9
-"""Distance from mid-track beyond which a gap is not yet called a missing step [m]: further away nosings are often not detected, and
-one metre suffices to stop."""
 GAP_KNOWN_AFTER = 6
 """Number of maps that must show both nosings at a gap before it counts; by then two of them would have shown a nosing between."""
 SLIP_VALID_S = 0.35

@@ -10,9 +10,10 @@ from typing import Any
 
 from treadline.core.angles import DEG
 from treadline.core.signals import FreeGround, ImuSample, Phase, StairMap
+from treadline.core.step_sizes import GAP_SEEN_M
 from treadline.guard._guard_config import FLIGHT, SAME_M, GuardConfig
 from treadline.guard._known import Known, Monitor
-from treadline.guard._obstacle_monitor import NEAR_M, OBSTACLE_COUNT
+from treadline.guard._obstacle_monitor import OBSTACLE_COUNT
 from treadline.guard._sightings import Sightings
 
 FLAT_RAD = 5.0 * DEG
@@ -63,10 +64,10 @@ class _Ground:
         if self.is_confirmed and self.end_m < self.blind_m and not self.is_crossed(reach_m):
             return
         bridges = place_m + ground.blind_m - self.known_m <= reach_m and ground.seen_m > ground.blind_m
-        self._seen_m, self._seen_rad = place_m + min(ground.seen_m, NEAR_M) if bridges else -math.inf, self._heading_rad
+        self._seen_m, self._seen_rad = place_m + min(ground.seen_m, GAP_SEEN_M) if bridges else -math.inf, self._heading_rad
         self.known_m = max(self.known_m, self._seen_m)
         shown_m: list[float] = []
-        if ground.end_m is not None or ground.blind_m < ground.seen_m < NEAR_M:
+        if ground.end_m is not None or ground.blind_m < ground.seen_m < GAP_SEEN_M:
             shown_m = [place_m + (ground.seen_m if ground.end_m is None else ground.end_m - (ground.end_sigma_m or 0.0))]
             self.is_drop = ground.end_m is not None or (abs(shown_m[0] - self._shown_m) < SAME_M and self.is_drop)
             self._shown_m, self._is_hidden = shown_m[0], False

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from treadline.core.angles import DEG
 from treadline.core.signals import MEMORY_S, View
+from treadline.core.step_sizes import OBSTACLE_CLEAR_M, TURN_CLEAR_M
 
 SILENCE_S = 0.3
 """Longest silence of what must speak, and longest standstill of a loop [s]: more than a control period of 0.25 s, and within the
@@ -153,13 +154,12 @@ class GuardConfig:
     it does not turn."""
     turn_centre_m: float = 0.0
     """Distance of the centre of turns on the spot ahead of mid-track [m]."""
-    turn_clear_m: float = 0.05
+    turn_clear_m: float = TURN_CLEAR_M
     """Distance to keep from an edge or a wall on a landing on which the chair turns [m]."""
     gap_clear_m: float = 0.2
     """Distance to keep from a gap, in addition to the stopping distance [m]."""
-    obstacle_clear_m: float = 0.34
-    """Distance to keep from an obstacle, in addition to the stopping distance [m]: 0.3 m are required (row 25), and the distance is
-    known to a few centimetres."""
+    obstacle_clear_m: float = OBSTACLE_CLEAR_M
+    """Distance to keep from an obstacle or an end of the ground, in addition to the stopping distance [m] (row 25)."""
     stopping_s: float = 0.4
     """Time of the stopping distance [s]: two frames, a control tick and the brake."""
 

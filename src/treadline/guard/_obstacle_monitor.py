@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from treadline.core.signals import FrameQuality, StairMap
+from treadline.core.step_sizes import GAP_SEEN_M
 from treadline.guard._guard_config import SAME_M, GuardConfig
 from treadline.guard._known import Known, Monitor
 from treadline.guard._sightings import Sightings
@@ -14,9 +15,6 @@ OBSTACLE_COUNT, GAP_COUNT = (3, 4, 12), (1, 5, 10)
 """Gain, least and largest count (``Sightings``) of an obstacle and of a gap. An obstacle in every third frame is there, one in a
 single frame of forty is not, and what was there is remembered for a second; a nosing that a detector misses is missed in three or
 four maps."""
-NEAR_M = 1.9
-"""Largest distance from mid-track of a gap, and of ground that counts as seen [m]; equal to the planner's limit for gaps in
-``estimation.stair_tracker``, on which the guard does not depend."""
 OUT_OF_VIEW_M = 1.2
 """Distance from mid-track below which the camera sees only the upper part of an obstacle, if any [m]."""
 
@@ -74,7 +72,7 @@ class AheadMonitor(Monitor):
     def _look_at(self, places: Sequence[tuple[float, float]], travel_m: float) -> None:
         """Update with the nosings of one map, and the travel towards them at its exposure."""
         gap = gap_between(places, self._config.track_span_m)
-        if gap is not None and gap[0] > NEAR_M:
+        if gap is not None and gap[0] > GAP_SEEN_M:
             gap = None
         # A gap that is out of view is kept; it is in view while the nosing before it is.
         from_m, to_m = (travel_m + places[k][0] - SAME_M for k in (0, -1)) if places else (math.inf, -math.inf)

@@ -9,7 +9,7 @@ from dataclasses import replace
 from treadline.control.flipper import LIES_RAD, OFF_RAD, SLOW_M_S
 from treadline.core.angles import DEG
 from treadline.core.signals import MotionPlan
-from treadline.estimation.stair_tracker import NEAR_M
+from treadline.core.step_sizes import GAP_SEEN_M
 from treadline.mission._before_the_flight import go_at_the_stair
 from treadline.mission._flipper_planner import rest_rad, turn_to
 from treadline.mission._motions import Motions, driving
@@ -61,7 +61,7 @@ def _checked(now: Situation, crossing: Crossing) -> Crossing:
     # The flight must be complete over the length of the chair on it, and the stopping distance.
     whole_to_m = now.bears_m + KEEPS_M - now.around.top.ahead_m
     # On the approach a gap further away does not count: there a detector may miss a single nosing.
-    checked_to_m = min(whole_to_m, NEAR_M - now.step_m) if now.phase == "approach" else whole_to_m
+    checked_to_m = min(whole_to_m, GAP_SEEN_M - now.step_m) if now.phase == "approach" else whole_to_m
     gap = now.missing(checked_to_m - now.pivot_m)
     against = gap or ("the operator sent the chair back" if now.goes_back else None)
     if against is None and _shows_too_little(now, whole_to_m):

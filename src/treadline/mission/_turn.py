@@ -14,6 +14,7 @@ from treadline.control.flipper import SLOW_M_S, THERE_RAD
 from treadline.core.angles import DEG, wrap
 from treadline.core.rotations import Vector3, rotation_z
 from treadline.core.signals import TICK_S, FreeGround, MotionPlan
+from treadline.core.step_sizes import TURN_CLEAR_M
 from treadline.estimation.stair_tracker import Side
 from treadline.mission._flipper_planner import rest_rad, turn_to
 from treadline.mission._landing_place import LandingPlace
@@ -22,8 +23,8 @@ from treadline.mission._over_the_end import is_clear
 from treadline.mission._situation import Situation, TurnCommand
 from treadline.mission.mission_config import KnownLandings
 from treadline.vehicle.flight_plan import FlightPlan
-from treadline.vehicle.landing_turn import CLEAR_M, OFF_PLAN_M, Outline, free_start, way_over
-from treadline.vehicle.landing_turn_kernels import DRIVE_M, HEADING_RAD
+from treadline.vehicle.landing_turn import OFF_PLAN_M, free_start, way_over
+from treadline.vehicle.landing_turn_kernels import DRIVE_M, HEADING_RAD, Outline
 from treadline.vehicle.loading import plumb
 
 TURN_RAD_S = 15.0 * DEG
@@ -124,7 +125,7 @@ class Turner:
         if keeps or now.t_s - searched_s < REPLANS_S:
             return None
         outline, width_m = self._outline.about(place.centre_m), self._width_m
-        for clear_m in (CLEAR_M + OFF_PLAN_M, CLEAR_M):
+        for clear_m in (TURN_CLEAR_M + OFF_PLAN_M, TURN_CLEAR_M):
             wider = outline.wider(clear_m)
             start = free_start(landing, width_m, wider, place.centre)
             way = np.empty((0, 3)) if start is None else way_over(landing, width_m, wider, start, up=now.is_up)

@@ -17,7 +17,7 @@ from treadline.mission.belt_controllers import Driver
 from treadline.mission.loop import Estimator
 from treadline.scenario.chair import ChairDescription
 from treadline.vehicle.flight_plan import FlightPlan
-from treadline.vehicle.landing_turn import Outline
+from treadline.vehicle.landing_turn_kernels import Outline
 
 FILE_PREFIX = "treadline_plugin_"
 """Beginning of the module name that a plug-in file gets."""

@@ -3,7 +3,7 @@
 import math
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Shaped
 
 from treadline.core.angles import DEG
 from treadline.core.errors import MechanicsError, SettingsError, SimulationDiverged
@@ -49,14 +49,13 @@ class Actuators:
         self.seat, self.angles = (np.array([]), np.array([])) if self._linkage is None else _seat_table(self._linkage)
         """Ends of the stroke with the table's spacing, and the seat angle over the stroke; both empty without a seat."""
         limited = scenario.realism.motor_limits
-        self.flipper = np.array(
-            [_flipper_limits(part, part.motor, limited=limited) for part in sections(chair) if part.motor is not None]
-        ).reshape(-1, kernels.FLIPPER)
-        """Limits of each flipper, that which commands turn first; no rows without one."""
-        self.state = np.zeros(kernels.DRIVES)
+        turning = [_flipper_limits(part, part.motor, limited=limited) for part in sections(chair) if part.motor is not None]
+        self.flipper = np.array(turning, kernels.FLIPPER)
+        """Limits of each flipper, that which commands turn first; none without a flipper."""
+        self.state = np.zeros((), kernels.STATE)
         self.command = np.zeros(5)
         self.motor = _motor_limits(scenario, chair)
-        self.electric = np.zeros(motor_kernels.ELECTRIC)
+        self.electric = np.zeros((), motor_kernels.ELECTRIC)
         self._charge = scenario.realism.battery_charge
 
     def rest(self, seat_rad: float, flipper_rad: float) -> None:
@@ -65,20 +64,20 @@ class Actuators:
         Raises:
             SettingsError: If the seat angle is out of reach.
         """
-        self.state[:] = 0.0
+        self.state[...] = 0.0
         if self._linkage is not None:
             try:
-                self.state[kernels.STROKE] = self._linkage.stroke(seat_rad)
+                self.state["stroke"] = self._linkage.stroke(seat_rad)
             except MechanicsError as error:
                 remedy = "give start.seat = 'chassis', a gentler stair, or a chair with a longer seat.stroke_m"
                 raise SettingsError(f"start.seat = 'level' is impossible: {error}; {remedy}") from None
-            self.state[kernels.SEAT_ANGLE] = seat_rad
-        self.state[kernels.FLIPPER_TARGET] = flipper_rad
+            self.state["seat_angle"] = seat_rad
+        self.state["flipper_target"] = flipper_rad
         self.command[:] = 0.0
-        self.electric[:] = 0.0
-        self.electric[motor_kernels.CHARGE] = self._charge
-        if self.motor.size:
-            motor_kernels.draw(0.0, self.motor, self.electric)
+        self.electric[...] = 0.0
+        self.electric["charge"] = self._charge
+        for motor in self.motor:
+            motor_kernels.draw(0.0, motor, self.electric[()])
 
     def take(self, tracks: TrackCommand, seat: SeatCommand, flipper: FlipperCommand | None) -> None:
         """Set the commands; they hold until the next call.
@@ -94,12 +93,12 @@ class Actuators:
 
     def act(self, flipper_rad: float) -> None:
         """Advance all actuators by one tick; ``flipper_rad`` is the actual flipper angle."""
-        kernels.act(self.command, self.limits, self.state, self.seat, self.angles, self.flipper, flipper_rad)
+        kernels.act(self.command, self.limits, self.state[()], self.seat, self.angles, self.flipper, flipper_rad)
 
     @property
     def belts_m_s(self) -> Float[np.ndarray, " 2"]:
         """Actual belt speeds [m/s], mismatch included."""
-        return np.asarray(self.state[: kernels.RIGHT + 1] * (1.0 + self.mismatch))
+        return np.asarray(self.state["belts"] * (1.0 + self.mismatch))
 
 
 def _seat_table(linkage: SeatLinkage) -> tuple[Vector3, Float[np.ndarray, " n"]]:
@@ -109,36 +108,24 @@ def _seat_table(linkage: SeatLinkage) -> tuple[Vector3, Float[np.ndarray, " n"]]
     return np.array([low, high, strokes[1] - strokes[0]]), np.array([linkage.angle(float(stroke)) for stroke in strokes])
 
 
-def _flipper_limits(section: Section, flipper: Flipper, *, limited: bool) -> Float[np.ndarray, " n"]:
-    """Return the parameters of a flipper as an array for the compiled loop."""
+def _flipper_limits(section: Section, flipper: Flipper, *, limited: bool) -> tuple[float, ...]:
+    """Return the limits of a flipper, a record ``FLIPPER`` of the compiled loop."""
     low, high = (angle * DEG for angle in flipper.range_deg)
     wind_up = flipper.torque_n_m / FLIPPER_STIFFNESS_N_M_RAD
     no_load = flipper.no_load_deg_s * DEG if limited and flipper.no_load_deg_s is not None else math.inf
     servo = (wind_up, FLIPPER_LAG_S, flipper.lost_damping_n_m_s_rad, FLIPPER_FRICTION_N_M_S_RAD)
     stays = (float(section.follows), section.stays_rad)
-    return np.array([low, high, flipper.max_rate_deg_s * DEG, *servo, flipper.torque_n_m, no_load, *stays])
+    return (low, high, flipper.max_rate_deg_s * DEG, *servo, flipper.torque_n_m, no_load, *stays)
 
 
-def _motor_limits(scenario: Scenario, chair: ChairDescription) -> Float[np.ndarray, " n"]:
-    """Return parameters of motors, brakes and battery for the compiled loop; empty without motor limits."""
+def _motor_limits(scenario: Scenario, chair: ChairDescription) -> Shaped[np.ndarray, " n"]:
+    """Return parameters of motors, brakes and battery for the compiled loop, one record; none without motor limits."""
     motor, battery = chair.motor, chair.battery
     if motor is None or battery is None or not scenario.realism.motor_limits:
-        return np.array([])
+        return np.zeros(0, motor_kernels.MOTOR)
     # Each belt carries half of the weight.
     carried_kg = 0.5 * Loading(chair=chair, payload_kg=scenario.chair.payload_kg).weight_n / GRAVITY_M_S2
-    return np.array(
-        [
-            motor.peak_force_n,
-            motor.no_load_speed_m_s,
-            motor.continuous_force_n,
-            motor.thermal_time_s,
-            motor.moving_mass_kg,
-            carried_kg,
-            chair.drives.brake_hold_n,
-            motor.nominal_v,
-            battery.full_v,
-            battery.empty_v,
-            battery.resistance_ohm,
-            3600.0 * battery.capacity_wh,
-        ]
-    )
+    forces = (motor.peak_force_n, motor.no_load_speed_m_s, motor.continuous_force_n, motor.thermal_time_s)
+    masses = (motor.moving_mass_kg, carried_kg)
+    supply = (motor.nominal_v, battery.full_v, battery.empty_v, battery.resistance_ohm, 3600.0 * battery.capacity_wh)
+    return np.array([(*forces, *masses, chair.drives.brake_hold_n, *supply)], motor_kernels.MOTOR)

@@ -5,7 +5,7 @@ A permanent-magnet motor with a gear gives a force at the belt that decreases li
     F_max(v) = F_peak · u - (F_peak / v_0) · v,      u = battery voltage / nominal voltage
 
 limited to F_peak, or to the continuous force when hot (first-order heating by the square of the force). The copper loss is F² v_0 /
-F_peak: at stall, F_peak · v_0 is converted to heat. A brake, or a motor at standstill, holds up to ``BRAKE_HOLD`` and slips above.
+F_peak: at stall, F_peak · v_0 is converted to heat. A brake, or a motor at standstill, holds up to a force and slips above.
 
 Both belts together obey ``m dv/dt = F - F_c`` with the traction F_c from the contact solution of the previous ticks. Used directly,
 F_c would make the loop unstable: a gripping belt carries the chair's mass M, F_c = L + M dv/dt, and each tick would multiply an
@@ -23,21 +23,25 @@ sum first, because a load exceeding the limit of one belt passes to the other; t
 
 import math
 
+import numpy as np
+
 from treadline.core.kernel_cache import njit
 from treadline.core.signals import TICK_S
-from treadline.plant._actuator_lag_and_slew_kernels import SEAT_ANGLE, STROKE, STROKE_RATE, table
+from treadline.plant._actuator_lag_and_slew_kernels import table
 
-# Motor parameters; an empty array is a drive without limits.
-PEAK, NO_LOAD, CONTINUOUS, THERMAL_S, MOVING_KG, CARRIED_KG, BRAKE_HOLD = 0, 1, 2, 3, 4, 5, 6
-NOMINAL_V, FULL_V, EMPTY_V, RESISTANCE, CAPACITY_J = 7, 8, 9, 10, 11
-# State, by side: traction of the last two ticks, force of motor or brake, speed change of the last two ticks, heat (1: steady state
-# at the continuous force). Common: electric power, battery voltage, charge, energy drawn from the battery, work done on the belts.
-TRACTION, OLD_TRACTION, FORCE, CHANGE, OLD_CHANGE, HEAT = 0, 2, 4, 6, 8, 10
-POWER, VOLTAGE, CHARGE, ENERGY_J, WORK_J = 12, 13, 14, 15, 16
-ELECTRIC = 17
-# Parameters of the seat actuator: stall force, no-load rate, holding force; stiffness of the seat mount, ratio of damping to
-# stiffness.
-PUSH, RATE, HOLD, STIFFNESS, DAMPING_S = 0, 1, 2, 3, 4
+_BELT = ("peak", "no_load", "continuous", "thermal_s", "moving_kg", "carried_kg", "brake_hold")
+_BATTERY = ("nominal_v", "full_v", "empty_v", "resistance", "capacity_j")
+MOTOR = np.dtype([(name, float) for name in _BELT + _BATTERY])
+"""Parameters of the belt motors, brakes and the battery."""
+_BY_SIDE = ("traction", "old_traction", "force", "change", "old_change", "heat")
+_COMMON = ("power", "voltage", "charge", "energy_j", "work_j")
+ELECTRIC = np.dtype([(name, float, 2) for name in _BY_SIDE] + [(name, float) for name in _COMMON])
+"""State. By side: traction of the last two ticks, force of motor or brake, speed change of the last two ticks, heat (1: steady
+state at the continuous force). Common: electric power, battery voltage, charge, energy drawn from the battery, work done on the
+belts."""
+SEAT_MOTOR = np.dtype([(name, float) for name in ("push", "rate", "hold", "stiffness", "damping_s")])
+"""Parameters of the seat actuator: stall force, no-load rate, holding force; stiffness of the seat mount, ratio of damping to
+stiffness."""
 STANDS_M_S = 1e-4
 """Rate below which the seat actuator counts as stationary [m/s]: its screw is self-locking."""
 LOCKED = 16.0
@@ -54,18 +58,18 @@ def beyond(value, low, high):
 def bounds_of(side, speed, held, motor, electric):
     """Return the lowest and highest force of a belt's motor or brake."""
     if held:
-        return -motor[BRAKE_HOLD], motor[BRAKE_HOLD]
-    limit = motor[PEAK] if electric[HEAT + side] < 1.0 else min(motor[CONTINUOUS], motor[PEAK])
-    stall, slope = motor[PEAK] * electric[VOLTAGE] / motor[NOMINAL_V], motor[PEAK] / motor[NO_LOAD]
+        return -motor["brake_hold"], motor["brake_hold"]
+    limit = motor["peak"] if electric["heat"][side] < 1.0 else min(motor["continuous"], motor["peak"])
+    stall, slope = motor["peak"] * electric["voltage"] / motor["nominal_v"], motor["peak"] / motor["no_load"]
     return -min(limit, stall + slope * speed), min(limit, stall - slope * speed)
 
 
 @njit(cache=True)
 def load_of(side, motor, electric):
     """Return the load on a belt without the inertial force of the chair's mass due to the last changes of speed."""
-    traction = 0.5 * (electric[TRACTION + side] + electric[OLD_TRACTION + side])
-    change = 0.5 * (electric[CHANGE + side] + electric[OLD_CHANGE + side])
-    return traction - motor[CARRIED_KG] * change / TICK_S
+    traction = 0.5 * (electric["traction"][side] + electric["old_traction"][side])
+    change = 0.5 * (electric["change"][side] + electric["old_change"][side])
+    return traction - motor["carried_kg"] * change / TICK_S
 
 
 @njit(cache=True)
@@ -75,10 +79,10 @@ def limit_belts(before, asked, held, motor, electric):
     Args:
         before: speeds at the last tick (left, right).
         held: whether brake or gear holds each belt.
-        motor: parameters as named above.
-        electric: state as named above; changed in place.
+        motor: record ``MOTOR``.
+        electric: record ``ELECTRIC``; changed in place.
     """
-    inertia = motor[MOVING_KG] + motor[CARRIED_KG]
+    inertia = motor["moving_kg"] + motor["carried_kg"]
     left = load_of(0, motor, electric) + inertia * (asked[0] - before[0]) / TICK_S
     right = load_of(1, motor, electric) + inertia * (asked[1] - before[1]) / TICK_S
     low_left, high_left = bounds_of(0, before[0], held[0], motor, electric)
@@ -89,29 +93,29 @@ def limit_belts(before, asked, held, motor, electric):
     power = 0.0
     for side in range(2):
         asked[side] -= TICK_S * (shared + own[side] / LOCKED) / inertia
-        electric[OLD_TRACTION + side], electric[OLD_CHANGE + side] = electric[TRACTION + side], electric[CHANGE + side]
-        electric[CHANGE + side] = asked[side] - before[side]
-        electric[FORCE + side] = force = forces[side]
-        heating = 0.0 if held[side] else (force / motor[CONTINUOUS]) ** 2
-        electric[HEAT + side] += (heating - electric[HEAT + side]) * TICK_S / motor[THERMAL_S]
+        electric["old_traction"][side], electric["old_change"][side] = electric["traction"][side], electric["change"][side]
+        electric["change"][side] = asked[side] - before[side]
+        electric["force"][side] = force = forces[side]
+        heating = 0.0 if held[side] else (force / motor["continuous"]) ** 2
+        electric["heat"][side] += (heating - electric["heat"][side]) * TICK_S / motor["thermal_s"]
         if not held[side]:
-            electric[WORK_J] += force * asked[side] * TICK_S
+            electric["work_j"] += force * asked[side] * TICK_S
             # No regeneration: a back-driven motor dissipates its power in windings and controller.
-            power += max(force * asked[side] + force * force * motor[NO_LOAD] / motor[PEAK], 0.0)
+            power += max(force * asked[side] + force * force * motor["no_load"] / motor["peak"], 0.0)
     draw(power, motor, electric)
 
 
 @njit(cache=True)
 def draw(power, motor, electric):
     """Draw electric power from the battery for one tick; the voltage drops by current times resistance."""
-    open_v = motor[EMPTY_V] + electric[CHARGE] * (motor[FULL_V] - motor[EMPTY_V])
+    open_v = motor["empty_v"] + electric["charge"] * (motor["full_v"] - motor["empty_v"])
     # V = V_open - R P / V; beyond V_open² / 4R no battery of this resistance delivers the power.
-    voltage = 0.5 * (open_v + math.sqrt(max(open_v * open_v - 4.0 * motor[RESISTANCE] * power, 0.0)))
+    voltage = 0.5 * (open_v + math.sqrt(max(open_v * open_v - 4.0 * motor["resistance"] * power, 0.0)))
     drawn_j = open_v * power / voltage * TICK_S
-    electric[POWER] = drawn_j / TICK_S
-    electric[ENERGY_J] += drawn_j
-    electric[CHARGE] = max(electric[CHARGE] - drawn_j / motor[CAPACITY_J], 0.0)
-    electric[VOLTAGE] = voltage
+    electric["power"] = drawn_j / TICK_S
+    electric["energy_j"] += drawn_j
+    electric["charge"] = max(electric["charge"] - drawn_j / motor["capacity_j"], 0.0)
+    electric["voltage"] = voltage
 
 
 @njit(cache=True)
@@ -120,23 +124,23 @@ def limit_seat(actual, turning, state, seat, angles, actuator):
 
     Args:
         actual: seat angle; ``turning``: its rate.
-        state: actuator state, rows as in ``_actuator_lag_and_slew_kernels``.
+        state: record ``_actuator_lag_and_slew_kernels.STATE``.
         seat: lower and upper end of the stroke, spacing of ``angles``.
         angles: seat angle over the stroke.
-        actuator: parameters as named above.
+        actuator: record ``SEAT_MOTOR``.
     """
-    rate = abs(state[STROKE_RATE])
-    force = actuator[HOLD] if rate < STANDS_M_S else actuator[PUSH] * max(1.0 - rate / actuator[RATE], 0.0)
+    rate = abs(state["stroke_rate"])
+    force = actuator["hold"] if rate < STANDS_M_S else actuator["push"] * max(1.0 - rate / actuator["rate"], 0.0)
     step = seat[2]
-    higher = table(state[STROKE] + step, seat[0], step, angles)
-    lower = table(state[STROKE] - step, seat[0], step, angles)
+    higher = table(state["stroke"] + step, seat[0], step, angles)
+    lower = table(state["stroke"] - step, seat[0], step, angles)
     slope = (higher - lower) / (2.0 * step)
     # Virtual work: force times stroke equals torque times angle. At the ends of the table the slope is halved or zero.
     torque = force / max(abs(slope), 1e-3)
     # The servo's torque is stiffness times deflection less damping times rate.
-    free, most = actual + actuator[DAMPING_S] * turning, torque / actuator[STIFFNESS]
-    target = min(max(state[SEAT_ANGLE], free - most), free + most)
-    if target != state[SEAT_ANGLE]:
-        state[STROKE] = min(max(state[STROKE] + (target - state[SEAT_ANGLE]) / slope, seat[0]), seat[1])
-        state[SEAT_ANGLE] = target
+    free, most = actual + actuator["damping_s"] * turning, torque / actuator["stiffness"]
+    target = min(max(state["seat_angle"], free - most), free + most)
+    if target != state["seat_angle"]:
+        state["stroke"] = min(max(state["stroke"] + (target - state["seat_angle"]) / slope, seat[0]), seat[1])
+        state["seat_angle"] = target
     return torque

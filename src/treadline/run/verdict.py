@@ -16,7 +16,7 @@ import numpy as np
 from treadline.core.angles import DEG, radians_hint
 from treadline.core.errors import MechanicsError, SettingsError
 from treadline.core.printing import Printable
-from treadline.core.step_sizes import RISE_M, RUN_M, SINGLE_RISE_M
+from treadline.core.step_sizes import RISE_M, RUN_M, SINGLE_RISE_M, TURN_CLEAR_M
 from treadline.mission.entry_check import beyond_rating
 from treadline.mission.mission_config import MissionConfig
 from treadline.run.walker import walk
@@ -24,7 +24,7 @@ from treadline.scenario.chair import ChairDescription, Faces, Tracks
 from treadline.scenario.scenario import SEAT_SHIFT_M, Chair, Scenario, Stair
 from treadline.vehicle.bodies import centre_of_mass, oversized_lugs
 from treadline.vehicle.climb import Climb, climb_of
-from treadline.vehicle.landing_turn import CLEAR_M, OFF_PLAN_M, least_landing_m, way_over
+from treadline.vehicle.landing_turn import OFF_PLAN_M, least_landing_m, way_over
 from treadline.vehicle.linkage import SeatLinkage
 from treadline.vehicle.loading import Loading
 from treadline.vehicle.rest_poses import nosings_of, rest_chair
@@ -392,7 +392,7 @@ def _landings(staircase: Staircase, chair: ChairDescription, camera: str) -> str
     """Return which landing is too small for the chair, or has sides that the camera does not measure."""
     if staircase.winders is not None:
         return None
-    outline = outline_of(chair).wider(CLEAR_M + OFF_PLAN_M)
+    outline = outline_of(chair).wider(TURN_CLEAR_M + OFF_PLAN_M)
     for plan, steps in zip(staircase.plans[:-1], staircase.flights, strict=False):
         where, own_m = f"the landing at step {steps[-1].index}", min(plan.depth_m, plan.left_m - plan.right_m)
         if not plan.turn_rad:

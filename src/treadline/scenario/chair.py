@@ -4,10 +4,10 @@ Paper: Section II, Table I. All positions are in B: x forward, y left, z up, ori
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
@@ -30,43 +30,35 @@ SWEPT_SPARE_M = 0.025
 """Clearance on either side of a chair within which an object counts as an obstacle [m]."""
 
 
-def _a_tick_or_more(lag_s: float) -> float:
-    """Return a lag after checking that it is at least one tick."""
-    if lag_s < TICK_S:
-        raise ValueError(
-            f"a lag of {lag_s:g} s is below the tick of {TICK_S:g} s; give {TICK_S:g} s or more: drives are integrated once a "
-            "tick, and a shorter lag has no effect"
-        )
-    return lag_s
+def _refused(is_wrong: Callable[[float], bool], text: str) -> AfterValidator:
+    """Return a check that refuses values with a text, in which {} stands for the value."""
+
+    def check(value: Any) -> Any:
+        if is_wrong(value):
+            raise ValueError(text.format(value))
+        return value
+
+    return AfterValidator(check)
 
 
-def _above_zero(torque_n_m: float) -> float:
-    """Return a torque limit after checking that it is positive."""
-    if torque_n_m <= 0.0:
-        raise ValueError(
-            f"a torque limit of {torque_n_m:g} N·m; give more than 0: the limit holds in both directions, and a motor without "
-            "torque is no [flipper] at all"
-        )
-    return torque_n_m
-
-
-def _two_or_more(road_wheels: int) -> int:
-    """Return a number of road wheels after checking that both ends of the flat run stand on one."""
-    if road_wheels < 2:
-        raise ValueError(
-            f"{road_wheels} road wheel under each flat run; give 2 or more: both ends stand on a wheel, and a chair on one wheel "
-            "a side falls over"
-        )
-    return road_wheels
-
-
+SHORT_LAG = (
+    f"a lag of {{:g}} s is below the tick of {TICK_S:g} s; give {TICK_S:g} s or more: drives are integrated once a tick, and a "
+    "shorter lag has no effect"
+)
+NO_TORQUE = (
+    "a torque limit of {:g} N·m; give more than 0: the limit holds in both directions, and a motor without torque is no [flipper] "
+    "at all"
+)
+ONE_WHEEL = (
+    "{} road wheel under each flat run; give 2 or more: both ends stand on a wheel, and a chair on one wheel a side falls over"
+)
 # Bounds far beyond any chair, so that a slipped unit or digit shows.
 Length = Annotated[float, Field(gt=0.0, le=10.0)]
 Place = Annotated[float, Field(ge=-10.0, le=10.0)]
 Mass = Annotated[float, Field(gt=0.0, le=1000.0)]
 Speed = Annotated[float, Field(gt=0.0, le=10.0)]
-Lag = Annotated[float, Field(le=10.0), AfterValidator(_a_tick_or_more)]
-Torque = Annotated[float, Field(le=1e4), AfterValidator(_above_zero)]
+Lag = Annotated[float, Field(le=10.0), _refused(lambda lag_s: lag_s < TICK_S, SHORT_LAG)]
+Torque = Annotated[float, Field(le=1e4), _refused(lambda torque_n_m: torque_n_m <= 0.0, NO_TORQUE)]
 Point = tuple[Place, Place, Place]
 Faces = Literal["up", "down"]
 """Where an occupant looks on a stair, on the way up as on the way down."""
@@ -88,7 +80,7 @@ class Tracks(Settings):
     gauge_m: Length
     """Distance between the belts' centre lines."""
     belt_width_m: Length
-    road_wheels: Annotated[int, Field(le=20), AfterValidator(_two_or_more)] = 6
+    road_wheels: Annotated[int, Field(le=20), _refused(lambda wheels: wheels < 2, ONE_WHEEL)] = 6
     """Number of wheels that carry each flat run on level ground, evenly spaced, the end ones below the pulleys. From 6 on, even or
     odd, the chair turns within 4 % of a belt loaded along its whole length; 2 wheels load its ends alone."""
 

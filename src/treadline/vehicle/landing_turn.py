@@ -5,22 +5,19 @@ pass a side, the wall or drop there, or the next flight's foot.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
 
 from treadline.core.rotations import Vector3
+from treadline.core.step_sizes import OBSTACLE_CLEAR_M
 from treadline.vehicle import landing_turn_kernels as kernels
 from treadline.vehicle.flight_plan import FlightPlan
+from treadline.vehicle.landing_turn_kernels import Landing, Outline
 
-CLEAR_M = 0.05
-"""Distance of the outline from walls and edges that are seen [m]."""
 OFF_PLAN_M = 0.04
 """Largest distance of the chair from its plan in a turn [m]: a landing has room for it."""
-FROM_EDGE_M = 0.34
-"""Least distance of the belts, with the room around them, from the edge of the next flight down once the chair has turned [m]: that
-at which the guard holds a chair that enters no flight yet."""
 WITHIN_M = 0.002
 """Resolution of the least landing [m]."""
 NEAR_M = 0.16
@@ -28,34 +25,6 @@ NEAR_M = 0.16
 two deviations of its place aside, or a chair whose belts have just come on the landing, by its distance from edges."""
 MOST_M = 3.0
 """Side of the largest landing that is searched [m]: on more than twice its length every chair turns."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Outline:
-    """Rectangles in plan that hold a chair and its belts, in B."""
-
-    rear_m: float
-    front_m: float
-    half_m: float
-    """Distances from mid-track to the rear, the front and a side of the chair [m]."""
-    belts_rear_m: float
-    belts_front_m: float
-    half_belts_m: float
-    """Distances to the ends and the sides of the belts' flat runs [m]."""
-
-    def wider(self, by_m: float) -> "Outline":
-        """Return the outline with a distance around it [m]."""
-        return Outline(**{name: getattr(self, name) + by_m for name in self.__slots__})
-
-    def about(self, ahead_m: float) -> "Outline":
-        """Return the outline by its distances from a point ahead of mid-track, about which the chair turns."""
-        longer = {"rear_m": ahead_m, "front_m": -ahead_m, "belts_rear_m": ahead_m, "belts_front_m": -ahead_m}
-        return replace(self, **{name: getattr(self, name) + by_m for name, by_m in longer.items()})
-
-    @property
-    def numbers(self) -> Float[np.ndarray, " 6"]:
-        """Numbers of the compiled search."""
-        return np.array([self.rear_m, self.front_m, self.half_m, self.belts_rear_m, self.belts_front_m, self.half_belts_m])
 
 
 def way_over(
@@ -71,32 +40,34 @@ def way_over(
         start: Pose from which it turns; unset: as the belts have come on the landing, in the middle of the flight below.
         up: Whether the next flight is the one above.
     """
-    landing, mirrored = numbers_of(plan, width_m)
+    landing, mirrored = landing_of(plan, width_m)
     pose = np.array([outline.belts_rear_m, 0.0, 0.0]) if start is None else start * mirrored
-    goal = landing[[kernels.FOOT_X, kernels.FOOT_Y, kernels.TURN]] if up else np.zeros(3)
+    goal = np.array([landing.foot_x, landing.foot_y, landing.turn]) if up else np.zeros(3)
     lane_m = max(0.5 * width_m - outline.half_m, kernels.CELL_M)
-    before_m = 0.0 if up else outline.belts_rear_m + FROM_EDGE_M
-    return np.asarray(kernels.search(landing, outline.numbers, pose, goal, lane_m, before_m) * mirrored)
+    # The guard holds a chair that enters no flight yet at this distance from the edge.
+    before_m = 0.0 if up else outline.belts_rear_m + OBSTACLE_CLEAR_M
+    return np.asarray(kernels.search(landing, outline, pose, goal, lane_m, before_m) * mirrored)
 
 
 def free_start(plan: FlightPlan, width_m: float, outline: Outline, pose: Vector3) -> Vector3 | None:
     """Return the pose nearest to a pose, at a heading of the search, from which a way can be searched; None if none is near."""
-    landing, mirrored = numbers_of(plan, width_m)
+    landing, mirrored = landing_of(plan, width_m)
     x, y, heading = pose * mirrored
-    step = landing[kernels.TURN] / round(landing[kernels.TURN] / kernels.HEADING_RAD)
+    step = landing.turn / round(landing.turn / kernels.HEADING_RAD)
     heading = step * round(heading / step)
     moves_m = np.arange(-NEAR_M, NEAR_M + 0.5 * kernels.CELL_M, kernels.CELL_M)
     for along_m, aside_m in sorted(((a, b) for a in moves_m for b in moves_m), key=lambda move: math.hypot(*move)):
-        if kernels.is_free(landing, outline.numbers, x + along_m, y + aside_m, heading):
+        if kernels.is_free(landing, outline, x + along_m, y + aside_m, heading):
             return np.array([x + along_m, y + aside_m, heading]) * mirrored
     return None
 
 
-def numbers_of(plan: FlightPlan, width_m: float) -> tuple[Float[np.ndarray, " 7"], Vector3]:
-    """Return the numbers of a landing on which the stair turns to the left, and the signs that mirror a pose to it."""
-    x, y = plan.foot(width_m).mean(axis=0) * (1.0, plan.side)
+def landing_of(plan: FlightPlan, width_m: float) -> tuple[Landing, Vector3]:
+    """Return a landing as one on which the stair turns to the left, and the signs that mirror a pose to it."""
+    foot = plan.foot(width_m).mean(axis=0) * (1.0, plan.side)
     sides = (plan.right_m, plan.left_m) if plan.side > 0.0 else (-plan.left_m, -plan.right_m)
-    landing = np.array([plan.depth_m, *sides, 0.5 * width_m, abs(plan.turn_rad), x, y])
+    (x, y), (right_m, left_m) = foot.tolist(), sides
+    landing = Landing(plan.depth_m, right_m, left_m, 0.5 * width_m, x, y, abs(plan.turn_rad))
     return landing, np.array([1.0, plan.side, plan.side])
 
 

@@ -5,7 +5,7 @@ search knows turns to the left; places are in the frame of the flight below, fro
 """
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,54 +17,88 @@ DRIVE_M = 1.5 * CELL_M
 """Length of one drive [m]: it leaves its cell in every direction."""
 BEYOND = 10
 """Number of headings before the first and beyond the last [-]: a chair shifts aside by turning back and forth by 30°."""
-DEPTH, RIGHT, LEFT, HALF_FLIGHT, TURN, FOOT_X, FOOT_Y = range(7)
-"""Places of a landing's numbers: depth, right and left side, half width of the flights, turn, middle of the next flight's foot."""
-REAR, FRONT, HALF, BELTS_REAR, BELTS_FRONT, HALF_BELTS = range(6)
-"""Places of an outline's numbers: from the centre of turns to rear, front and side, and to the ends and sides of the belts."""
+
+
+class Landing(NamedTuple):
+    """Landing on which the stair turns to the left [m, rad]."""
+
+    depth: float
+    right: float
+    left: float
+    """Places of its sides."""
+    half_flight: float
+    """Half width of the flights."""
+    foot_x: float
+    foot_y: float
+    """Middle of the next flight's foot."""
+    turn: float
+
+
+class Outline(NamedTuple):
+    """Rectangles in plan that hold a chair and its belts, in B."""
+
+    rear_m: float
+    front_m: float
+    half_m: float
+    """Distances from the centre of turns, mid-track, to the rear, the front and a side of the chair [m]."""
+    belts_rear_m: float
+    belts_front_m: float
+    half_belts_m: float
+    """Distances to the ends and the sides of the belts' flat runs [m]."""
+
+    def wider(self, by_m: float) -> "Outline":
+        """Return the outline with a distance around it [m]."""
+        return Outline(*(reach_m + by_m for reach_m in self))
+
+    def about(self, ahead_m: float) -> "Outline":
+        """Return the outline by its distances from a point ahead of mid-track, about which the chair turns."""
+        rear_m, front_m, half_m, belts_rear_m, belts_front_m, half_belts_m = self
+        ends_m = (belts_rear_m + ahead_m, belts_front_m - ahead_m)
+        return Outline(rear_m + ahead_m, front_m - ahead_m, half_m, *ends_m, half_belts_m)
 
 
 @njit(cache=True)
-def is_free(landing: Any, outline: Any, x: float, y: float, heading: float) -> bool:
+def is_free(landing: Landing, outline: Outline, x: float, y: float, heading: float) -> bool:
     """Return whether the belts stand on the landing, and nothing of the chair reaches beyond it but over the flight below."""
     c, s = math.cos(heading), math.sin(heading)
-    up_x, up_y = math.cos(landing[TURN]), math.sin(landing[TURN])
-    foot_m = up_x * landing[FOOT_X] + up_y * landing[FOOT_Y]
-    for along in (-outline[REAR], outline[FRONT]):
-        for aside in (-outline[HALF], outline[HALF]):
+    up_x, up_y = math.cos(landing.turn), math.sin(landing.turn)
+    foot_m = up_x * landing.foot_x + up_y * landing.foot_y
+    for along in (-outline.rear_m, outline.front_m):
+        for aside in (-outline.half_m, outline.half_m):
             corner_x, corner_y = x + c * along - s * aside, y + s * along + c * aside
-            if corner_x > landing[DEPTH] or corner_y < landing[RIGHT] or corner_y > landing[LEFT]:
+            if corner_x > landing.depth or corner_y < landing.right or corner_y > landing.left:
                 return False
-            beside = corner_y > landing[HALF_FLIGHT]
-            if corner_x < 0.0 and (beside or corner_y < -landing[HALF_FLIGHT]):
+            beside = corner_y > landing.half_flight
+            if corner_x < 0.0 and (beside or corner_y < -landing.half_flight):
                 return False
             if (beside or up_x > -1e-9) and up_x * corner_x + up_y * corner_y > foot_m + 1e-9:
                 return False
-    for along in (-outline[BELTS_REAR], outline[BELTS_FRONT]):
-        for aside in (-outline[HALF_BELTS], outline[HALF_BELTS]):
+    for along in (-outline.belts_rear_m, outline.belts_front_m):
+        for aside in (-outline.half_belts_m, outline.half_belts_m):
             if x + c * along - s * aside < 0.0:
                 return False
     # The inner corner, where the flight below ends aside, between two corners of the chair.
-    along, aside = -c * x + s * (landing[HALF_FLIGHT] - y), s * x + c * (landing[HALF_FLIGHT] - y)
-    return not (-outline[REAR] < along < outline[FRONT] and abs(aside) < outline[HALF])
+    along, aside = -c * x + s * (landing.half_flight - y), s * x + c * (landing.half_flight - y)
+    return not (-outline.rear_m < along < outline.front_m and abs(aside) < outline.half_m)
 
 
 @njit(cache=True)
-def search(landing: Any, outline: Any, start: Any, goal: Any, lane_m: float, before_m: float) -> Any:
+def search(landing: Landing, outline: Outline, start: Any, goal: Any, lane_m: float, before_m: float) -> Any:
     """Return the poses of the shortest way from a start to the lane and the direction of a flight, one row each; empty if none.
 
     Args:
-        landing: Numbers of the landing, at the places above.
-        outline: Numbers of the chair's outline.
+        landing: Landing.
+        outline: Outline of the chair.
         start: Place in the landing's frame and heading [m, m, rad].
         goal: Place on the flight's middle line and its direction, zero or the turn [m, m, rad].
         lane_m: Largest distance from that line [m].
         before_m: Least distance from the flight along it [m].
     """
-    turn = landing[TURN]
+    turn = landing.turn
     last = BEYOND + int(round(turn / HEADING_RAD))
     step = turn / (last - BEYOND)
     ends = BEYOND + int(round(goal[2] / step))
-    columns, rows = int(landing[DEPTH] / CELL_M) + 2, int((landing[LEFT] - landing[RIGHT]) / CELL_M) + 2
+    columns, rows = int(landing.depth / CELL_M) + 2, int((landing.left - landing.right) / CELL_M) + 2
     came = np.full((last + BEYOND + 1) * columns * rows, -2, dtype=np.int32)
     poses = np.empty((len(came), 3))
     queue = np.empty(len(came), dtype=np.int32)
@@ -86,7 +120,7 @@ def search(landing: Any, outline: Any, start: Any, goal: Any, lane_m: float, bef
                     y += drive * math.sin(poses[before, 2])
             if number < 0 or number > last + BEYOND or not is_free(landing, outline, x, y, (number - BEYOND) * step):
                 continue
-            cell = (number * columns + int(x / CELL_M)) * rows + int((y - landing[RIGHT]) / CELL_M)
+            cell = (number * columns + int(x / CELL_M)) * rows + int((y - landing.right) / CELL_M)
             if came[cell] != -2:
                 continue
             came[cell], queue[tail] = before, cell

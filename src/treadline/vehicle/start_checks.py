@@ -16,10 +16,10 @@ from treadline.core.angles import DEG
 from treadline.core.errors import MechanicsError
 from treadline.core.rotations import Rotation, Vector3, rotation_y
 from treadline.scenario.chair import ChairDescription, Tracks
-from treadline.scenario.scenario import Chair, Scenario
+from treadline.scenario.scenario import Chair, Scenario, Start
 from treadline.vehicle._start_view import StartView
 from treadline.vehicle.bodies import Vehicle, flipper_turns, vehicle
-from treadline.vehicle.landing_turn import Outline
+from treadline.vehicle.landing_turn_kernels import Outline
 from treadline.vehicle.stair_solids import Box, stair_boxes, stair_solids
 from treadline.vehicle.staircase import Staircase, as_designed
 from treadline.vehicle.start_pose import CLEARANCE_M, LANDING_LEAST_M, Standing, from_edge_m, length_m, rounded_off_m, standing
@@ -90,13 +90,12 @@ def checked_start(scenario: Scenario, chair: ChairDescription) -> tuple[tuple[st
     if aim or mount is None or scenario.control.loop == "open":
         return (aim,), None
     view = StartView(scenario, chair, staircase, mount)
-    unseen = view.problem(lambda start: _stands(scenario.model_copy(update={"start": start}), chair.tracks))
-    return (unseen,), view.nosings(scenario.start)
 
+    def stands(start: Start) -> bool:
+        other = scenario.model_copy(update={"start": start})
+        return _in_the_floor(other, chair.tracks) is None and _on_winders(other, chair.tracks) is None
 
-def _stands(scenario: Scenario, tracks: Tracks) -> bool:
-    """Return whether a start on the flight lies on straight steps, above the floor."""
-    return _in_the_floor(scenario, tracks) is None and _on_winders(scenario, tracks) is None
+    return (view.problem(stands),), view.nosings(scenario.start)
 
 
 def _overlapping(scenario: Scenario, chair: ChairDescription, staircase: Staircase) -> str | None:
@@ -110,15 +109,9 @@ def _overlapping(scenario: Scenario, chair: ChairDescription, staircase: Stairca
     into = f"{'the' if found.into == 'floor' or step else 'a'} {found.into}{step}"
     side, _, name = found.part.rpartition("_")
     part = PARTS.get(name, "the belt") + (f" on the {side}" if side else "")
-    return f"{part} would start {found.depth_m:.2f} m inside {into}; {_remedy(found, scenario)}"
-
-
-def _remedy(found: Overlap, scenario: Scenario) -> str:
-    if found.into == "wall":
-        return "start squarer, or nearer the middle of the flight"
-    if scenario.start.place == "flight":
-        return "start squarer, or at another step"
-    return "start squarer"
+    other = ", or nearer the middle of the flight" if found.into == "wall" else ""
+    other = other or (", or at another step" if scenario.start.place == "flight" else "")
+    return f"{part} would start {found.depth_m:.2f} m inside {into}; start squarer{other}"
 
 
 def _over_an_edge(scenario: Scenario, tracks: Tracks, staircase: Staircase) -> str | None:

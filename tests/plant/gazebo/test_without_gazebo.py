@@ -100,7 +100,7 @@ def test_an_order_is_answered_by_the_state(launched: Callable[..., server.Gazebo
     echo = "while order := client.recv(64):\n    client.sendall(order + struct.pack('<14d', *range(14)))\n"
     gazebo = launched(GREETING.format(protocol=1, major=11) + echo)
     order = np.arange(8.0)
-    assert gazebo.step(order).tolist() == [*range(8), *range(14)]
+    assert np.hstack(gazebo.step(order).item()).tolist() == [*range(8), *range(14)]
     gazebo.close()
 
 

@@ -31,7 +31,6 @@ from oracles.plant_steps import stages_before_contact
 from treadline.core.angles import DEG
 from treadline.core.signals import SeatCommand, TrackCommand
 from treadline.plant.mujoco import NOMINAL, MujocoPlant, Physics
-from treadline.plant.mujoco import _step_kernels as kernels
 from treadline.plant.mujoco.contact import _coulomb_kernels as contact_kernels
 
 # Literals, so that a changed value in the code is detected here.
@@ -68,8 +67,8 @@ def test_a_chair_whose_belts_differ_stays_on_the_ground_and_its_contact_solve_co
     # Nosings come and go under the belts, which shakes the load by 0.3 %.
     assert result.load.std() < 0.01
     steps = NOMINAL.substeps * len(result.settled)
-    assert result.settled[:, kernels.UNCONVERGED].sum() <= 0.01 * steps
-    residual = result.settled[:, kernels.RESIDUAL]
+    assert result.settled["unconverged"].sum() <= 0.01 * steps
+    residual = result.settled["residual"]
     assert residual.max() > 0.0
     # Each tick has five steps: 99 of 100 steps are 95 of 100 ticks, were they spread out evenly.
     assert np.quantile(residual, 0.95) <= TOLERANCE_M_S2
@@ -78,7 +77,7 @@ def test_a_chair_whose_belts_differ_stays_on_the_ground_and_its_contact_solve_co
 def test_a_hard_turn_converges_in_95_of_100_steps() -> None:
     result = plant_run(plant_on(28.0, heading_deg=20.0), (0.5, 0.2), 1.5)
     # Measured: 98. Edges meet nosings one after the other; such steps keep a residual of up to 0.1 m/s², of 10 in a row.
-    assert result.settled[:, kernels.UNCONVERGED].sum() <= 0.05 * NOMINAL.substeps * len(result.settled)
+    assert result.settled["unconverged"].sum() <= 0.05 * NOMINAL.substeps * len(result.settled)
     assert result.airborne == 0
 
 
@@ -232,6 +231,6 @@ def test_truth_says_how_the_contact_solve_went() -> None:
     rows, samples = [row for _, row in plant._pending], list(plant.truth())
     share = np.array([sample.contact_force_share for sample in samples])
     assert share[0] == 0.0  # no step has been made yet
-    np.testing.assert_allclose(share, np.array(rows)[:, kernels.FORCE_MAX] / plant._weight_n)
+    np.testing.assert_allclose(share, np.array(rows)["force_max"] / plant._weight_n)
     assert all(sample.airborne_share == 0.0 for sample in samples)
-    assert max(sample.contact_residual_m_s2 for sample in samples) == np.array(rows)[:, kernels.RESIDUAL].max()
+    assert max(sample.contact_residual_m_s2 for sample in samples) == np.array(rows)["residual"].max()

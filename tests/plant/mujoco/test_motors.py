@@ -69,7 +69,7 @@ def test_a_motor_that_is_too_weak_is_driven_back_down_30_degrees() -> None:
     # None of what the fall did on the motors returns to the battery.
     assert column(truth, "power_w").min() >= 0.0
     electric = plant._drives.electric
-    assert electric[motors.WORK_J] < 0.0 < electric[motors.ENERGY_J]
+    assert electric["work_j"] < 0.0 < electric["energy_j"]
 
 
 def test_a_motor_settles_where_its_line_meets_a_load_that_grows_with_speed() -> None:
@@ -80,10 +80,10 @@ def test_a_motor_settles_where_its_line_meets_a_load_that_grows_with_speed() -> 
         before = tuple(asked.tolist())
         asked[:] = asked + np.minimum(1.0 - asked, 0.04)
         motors.limit_belts(before, asked, (False, False), numbers, state)
-        state[motors.TRACTION : motors.TRACTION + 2] = 2000.0 * asked
-    supply = state[motors.VOLTAGE] / 24.0
+        state["traction"] = 2000.0 * asked
+    supply = state["voltage"] / 24.0
     # F = 900 u - 720 v and v = F / 2000.
-    np.testing.assert_allclose(state[motors.FORCE : motors.FORCE + 2], 900.0 * supply / 1.36, rtol=1e-6)
+    np.testing.assert_allclose(state["force"], 900.0 * supply / 1.36, rtol=1e-6)
     np.testing.assert_allclose(asked, 900.0 * supply / 1.36 / 2000.0, rtol=1e-6)
     # The battery's 26.6 V sag under some 40 A a motor.
     assert 0.8 < supply < 1.0
@@ -92,34 +92,34 @@ def test_a_motor_settles_where_its_line_meets_a_load_that_grows_with_speed() -> 
 def test_a_motor_against_more_than_its_stall_force_stalls_and_turns_its_power_into_heat() -> None:
     # On 30° each belt carries 189 N: a stall force of 150 N at 24 V cannot hold, and a brake is what does.
     numbers, state = a_drive(peak_force_n=150.0, continuous_force_n=150.0)
-    state[motors.TRACTION : motors.OLD_TRACTION + 2] = 189.0
+    state["traction"] = state["old_traction"] = 189.0
     asked = np.array([0.001, 0.001])
     motors.limit_belts((0.0, 0.0), asked, (False, False), numbers, state)
     assert (asked < 0.0).all()
-    np.testing.assert_allclose(state[motors.FORCE : motors.FORCE + 2], 150.0)
+    np.testing.assert_allclose(state["force"], 150.0)
     # At stall F² v_0 / F_peak = 187.5 W a motor, less what the load gives back: below a watt at this speed; and the battery's loss.
-    assert state[motors.POWER] == pytest.approx(2.0 * 187.5, rel=0.05)
+    assert state["power"] == pytest.approx(2.0 * 187.5, rel=0.05)
 
 
-def a_drive(**changes: float) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+def a_drive(**changes: float) -> tuple[np.void, np.void]:
     """Return the constants of the wheelchair's motors, and their state at rest with a full battery."""
     from treadline.plant._actuators import Actuators
 
-    state = np.zeros(motors.ELECTRIC)
-    state[motors.VOLTAGE], state[motors.CHARGE] = 24.0, 1.0
-    return Actuators(Scenario(chair=Chair(payload_kg=50.0)), with_piece("motor", **changes)).motor, state
+    state = np.zeros(1, motors.ELECTRIC)[0]
+    state["voltage"], state["charge"] = 24.0, 1.0
+    return Actuators(Scenario(chair=Chair(payload_kg=50.0)), with_piece("motor", **changes)).motor[0], state
 
 
 @pytest.mark.parametrize("carried_share", [0.3, 1.0, 2.0])
 def test_a_gripping_chair_of_another_mass_than_assumed_is_stable(carried_share: float) -> None:
     numbers, state = a_drive()
-    mass, load = carried_share * numbers[motors.CARRIED_KG], 1000.0
+    mass, load = carried_share * numbers["carried_kg"], 1000.0
     asked, speeds = np.zeros(2), []
     for _ in range(80):
         before = tuple(asked.tolist())
         asked[:] = 0.2
         motors.limit_belts(before, asked, (False, False), numbers, state)
-        state[motors.TRACTION : motors.TRACTION + 2] = load + mass * (asked - before) / 0.01
+        state["traction"] = load + mass * (asked - before) / 0.01
         speeds.append(float(asked[0]))
     acceleration = np.diff(speeds) / 0.01
     # The load exceeds the peak force of 900 N by 100 (or a little more once the voltage has sagged): all bounded, all the same way.
@@ -147,30 +147,30 @@ def test_the_battery_gives_at_least_the_work_of_the_belts(speed: float) -> None:
     force, belt = column(truth, "left_force_n"), column(truth, "left_m_s")
     force_right, belt_right = column(truth, "right_force_n"), column(truth, "right_m_s")
     work_j = float((force * belt + force_right * belt_right).sum()) * 0.01
-    assert electric[motors.ENERGY_J] >= max(work_j, 0.0)
+    assert electric["energy_j"] >= max(work_j, 0.0)
     # Charge and energy are one account.
-    assert electric[motors.CHARGE] == pytest.approx(1.0 - electric[motors.ENERGY_J] / (3600.0 * 512.0), rel=1e-9)
-    assert float(column(truth, "power_w").sum()) * 0.01 == pytest.approx(electric[motors.ENERGY_J], rel=1e-6)
+    assert electric["charge"] == pytest.approx(1.0 - electric["energy_j"] / (3600.0 * 512.0), rel=1e-9)
+    assert float(column(truth, "power_w").sum()) * 0.01 == pytest.approx(electric["energy_j"], rel=1e-6)
 
 
 def test_the_voltage_sags_by_current_times_resistance() -> None:
     numbers, state = a_drive()
     motors.draw(500.0, numbers, state)
-    current = 500.0 / state[motors.VOLTAGE]
-    assert state[motors.VOLTAGE] == pytest.approx(26.6 - 0.05 * current, rel=1e-12)
+    current = 500.0 / state["voltage"]
+    assert state["voltage"] == pytest.approx(26.6 - 0.05 * current, rel=1e-12)
     # What leaves the cells is the power and the loss in their resistance.
-    assert state[motors.POWER] == pytest.approx(500.0 + 0.05 * current**2, rel=1e-12)
+    assert state["power"] == pytest.approx(500.0 + 0.05 * current**2, rel=1e-12)
 
 
 def test_a_hot_motor_gives_its_continuous_force() -> None:
     numbers, state = a_drive(thermal_time_s=1.0)
     forces = []
     for _ in range(300):
-        state[motors.TRACTION : motors.TRACTION + 2] = state[motors.OLD_TRACTION : motors.OLD_TRACTION + 2] = 700.0
+        state["traction"] = state["old_traction"] = 700.0
         asked = np.array([0.2, 0.2])
         motors.limit_belts((0.2, 0.2), asked, (False, False), numbers, state)
-        state[motors.CHANGE : motors.OLD_CHANGE + 2] = 0.0
-        forces.append(float(state[motors.FORCE]))
+        state["change"] = state["old_change"] = 0.0
+        forces.append(float(state["force"][0]))
     # (700 / 350)² = 4 heats to 1 in ln(4/3) = 0.29 s.
     assert forces[0] == pytest.approx(700.0)
     first_hot = next(k for k, force in enumerate(forces) if force < 400.0)

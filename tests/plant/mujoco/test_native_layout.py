@@ -12,6 +12,7 @@ from treadline.core.errors import SimulationDiverged
 from treadline.plant import _actuator_lag_and_slew_kernels as drives
 from treadline.plant.mujoco import _native as native
 from treadline.plant.mujoco import _step_kernels as kernels
+from treadline.plant.mujoco.contact import _coulomb_kernels as coulomb
 
 EMPTY = "<mujoco><worldbody/></mujoco>"
 
@@ -41,7 +42,7 @@ def test_the_compiled_stages_are_those_of_mj_step_to_the_last_bit() -> None:
     compiled._corrected[0] = False  # nor are its forces corrected: what is left is MuJoCo's own step
     compiled._model.opt.noslip_iterations = 0  # as the loop has it unless the brake holds
     compiled._drives.command[:] = (0.3, 0.1, 0.0, 0.02, 0.0)
-    log = np.empty((1, kernels.COLUMNS))
+    log = np.empty(1, kernels.ROW)
     for _ in range(150):
         compiled._run(1, log, compiled._friction)
         reference.ctrl[:] = compiled._data.ctrl
@@ -81,9 +82,8 @@ def contact(rng: np.random.Generator, geoms: tuple[int, int]) -> tuple[np.ndarra
 def turn(real: np.ndarray, whole: np.ndarray, chair_y: np.ndarray) -> None:
     layout = (FRAME, FRICTION, SURFACEVEL, GEOM)
     is_belt = np.array([False, True])
-    kernels.turn_contacts(
-        1, real, whole, *layout, is_belt, tuple(chair_y.tolist()), np.tile([0.62, 0.5, 0.62, 0.5, 0.0, 0.0, 0.0, 1.0], (2, 1))
-    )
+    mu = np.array([((0.62, 0.5), (0.62, 0.5), (0.0, 0.0), (0.0, 1.0))] * 2, coulomb.FRICTION)
+    kernels.turn_contacts(1, real, whole, *layout, is_belt, tuple(chair_y.tolist()), mu)
 
 
 def test_a_contact_of_no_belt_is_left_alone() -> None:

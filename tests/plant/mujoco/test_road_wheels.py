@@ -9,7 +9,6 @@ from chairs import CHAIR, with_piece
 from oracles.plant_runs import TABLE_I, PlantRun, plant_on, plant_run
 
 from treadline.core.angles import DEG
-from treadline.plant.mujoco import _step_kernels as kernels
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.scenario import Chair
 from treadline.vehicle.bodies import centre_of_mass
@@ -28,7 +27,7 @@ def share(yaw_rad_s: float) -> float:
 
 
 def rate_deg_s(run: PlantRun) -> float:
-    return float(np.abs(run.settled[:, kernels.QVEL + 3 : kernels.QVEL + 5]).max()) / DEG
+    return float(np.abs(run.settled["qvel"][:, 3:5]).max()) / DEG
 
 
 @pytest.mark.parametrize("road_wheels", [2, 5, 12])
@@ -68,7 +67,7 @@ def test_a_lugged_chair_drives_and_turns_on_the_floor_at_belt_speed(lug: str, ro
         plant_run(plant_on(0.0, tables={"belts": {"lug": profile}}, description=on_wheels(road_wheels)), belts, 1.0)
         for profile, belts in ((lug, (0.2, 0.2)), (lug, TURN), ("none", TURN))
     )
-    speed_m_s = (straight.log[-1, kernels.QPOS] - straight.begin[kernels.QPOS]) / straight.duration_s
+    speed_m_s = (straight.log[-1]["qpos"][0] - straight.begin["qpos"][0]) / straight.duration_s
     assert speed_m_s == pytest.approx(0.2, rel=0.005)
     assert turned.yaw_deg_s == pytest.approx(smooth.yaw_deg_s, rel=0.005)
 
@@ -76,7 +75,7 @@ def test_a_lugged_chair_drives_and_turns_on_the_floor_at_belt_speed(lug: str, ro
 @pytest.mark.parametrize(("slope_deg", "belts"), [(28.0, (0.15, 0.25)), (20.0, (0.1, 0.3))])
 def test_on_a_flight_road_wheels_change_no_digit(slope_deg: float, belts: tuple[float, float]) -> None:
     few, many = (plant_run(plant_on(slope_deg, description=on_wheels(number)), belts, 1.0).log for number in (2, 9))
-    np.testing.assert_array_equal(few, many)
+    np.testing.assert_array_equal(few.view(float), many.view(float))
 
 
 def test_the_riser_of_a_landing_stops_the_pulleys() -> None:

@@ -16,7 +16,6 @@ from treadline.core.angles import DEG
 from treadline.core.ports import Reading, TruthPlant
 from treadline.core.rotations import Rotation, Vector3, rotation_z
 from treadline.core.signals import FrameQuality, StairMap
-from treadline.plant._actuator_lag_and_slew_kernels import LEFT, RIGHT
 from treadline.plant.sensors._instruments import CameraModel
 from treadline.plant.sensors.camera import Camera
 from treadline.plant.sensors.camera.solids import SceneBox, Shadow, beam
@@ -90,10 +89,10 @@ def damage_of(faults: Iterable[Fault], t_s: float, conditions: Conditions = UNCH
     on = [fault for fault in faults if fault.active(t_s)]
     kinds = {fault.kind for fault in on}
     stalled = {int(fault.size) for fault in on if fault.kind == "track_stalled"}
-    (x, y, z), (dx, dy, dz) = conditions.payload_m, payload_shift_m(on, t_s)
+    (left, right), (x, y, z), (dx, dy, dz) = conditions.friction, conditions.payload_m, payload_shift_m(on, t_s)
     return Damage(
-        stalled=(LEFT in stalled, RIGHT in stalled),
-        grip=(conditions.friction[LEFT] * _grip(on, LEFT), conditions.friction[RIGHT] * _grip(on, RIGHT)),
+        stalled=(0 in stalled, 1 in stalled),
+        grip=(left * _grip(on, right=False), right * _grip(on, right=True)),
         power_cut="power_cut" in kinds,
         seat_stuck="seat_stuck" in kinds,
         flipper_lost="flipper_lost" in kinds,
@@ -104,10 +103,10 @@ def damage_of(faults: Iterable[Fault], t_s: float, conditions: Conditions = UNCH
     )
 
 
-def _grip(on: list[Fault], side: int) -> float:
+def _grip(on: list[Fault], *, right: bool) -> float:
     share = 1.0
     for fault in on:
-        if fault.kind == "low_friction" or (fault.kind == "track_slip" and (fault.size < 0.0) == (side == RIGHT)):
+        if fault.kind == "low_friction" or (fault.kind == "track_slip" and (fault.size < 0.0) == right):
             share *= abs(fault.size)
     return share
 

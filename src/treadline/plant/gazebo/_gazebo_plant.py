@@ -8,16 +8,14 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
 
 from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError, SimulationDiverged
 from treadline.core.rotations import Rotation, Vector3, rotation_of
 from treadline.core.signals import TICK_S
-from treadline.plant import _actuator_lag_and_slew_kernels as kernels
 from treadline.plant.gazebo import _gzserver as server
 from treadline.plant.gazebo._gzserver import NO_TURN_RULE, PLUGIN, Environment, find_environment
-from treadline.plant.sensors._instruments import ChairState, InstrumentedPlant
+from treadline.plant.sensors._instruments import SETTLE_TICKS, ChairState, InstrumentedPlant
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.scenario import Belts, Scenario
 from treadline.vehicle.sdf import Lockstep, film_meshes, sdf_world
@@ -25,8 +23,6 @@ from treadline.vehicle.start_pose import standing
 
 STEPS = 10
 """Number of 1 ms steps per tick."""
-SETTLE_TICKS = 100
-"""Duration of settling before t = 0 on a stair of high friction [ticks], until the chair rests on its nosings."""
 SETTLE_FRICTION = (1.0, 1.0)
 """Friction coefficients of the stair during settling; ODE uses the smaller of the two bodies' coefficients."""
 
@@ -58,7 +54,7 @@ class GazeboPlant(InstrumentedPlant):
         self._tick = 0
         self._flipper_rad = 0.0
         self._began_s = 0.0
-        self._row = np.zeros(server.COLUMNS)
+        self._row = np.zeros(1, server.ANSWER)[0]
         self._pending: list[ChairState] = []
 
     def start(self) -> None:
@@ -76,7 +72,7 @@ class GazeboPlant(InstrumentedPlant):
         rows = [self._step(SETTLE_FRICTION) for _ in range(SETTLE_TICKS)]
         self._drives.command[:] = 0.0
         self._tick = 0
-        self._began_s = float(rows[-1][server.T])
+        self._began_s = float(rows[-1]["t_s"])
         self._forget()
         first = self._state_of(rows[-2], rows[-1])
         self._row = rows[-1]
@@ -110,25 +106,23 @@ class GazeboPlant(InstrumentedPlant):
         lockstep = Lockstep(plugin=f"/{self._plugin}", port=port, film=None if self._film is None else folder)
         return sdf_world(self.staircase, self._chair, self._scenario.chair.leaning(), start=self._start, lockstep=lockstep)
 
-    def _step(self, friction: tuple[float, float]) -> Float[np.ndarray, " 22"]:
+    def _step(self, friction: tuple[float, float]) -> np.void:
         if self._server is None:
             raise SettingsError("the Gazebo plant was not started; call start() first")
         self._drives.act(self._flipper_rad)
-        state = self._drives.state
-        left, right = self._drives.belts_m_s
-        seat_rad, flipper_rad, flipper_rate = state[kernels.SEAT_ANGLE], state[kernels.FLIPPER_TARGET], state[kernels.FLIPPER_RATE]
-        row = self._server.step(np.array([STEPS, left, right, seat_rad, flipper_rad, flipper_rate, *friction]))
-        self._flipper_rad = float(row[server.FLIPPER])
+        joints = (self._drives.state[name] for name in ("seat_angle", "flipper_target", "flipper_rate"))
+        row = self._server.step(np.array([STEPS, *self._drives.belts_m_s, *joints, *friction]))
+        self._flipper_rad = float(row["flipper"])
         return row
 
-    def _check(self, row: Float[np.ndarray, " 22"]) -> None:
+    def _check(self, row: np.void) -> None:
         t_s = self._tick * TICK_S
-        if not np.isfinite(row).all():
+        if not np.isfinite(np.hstack(row.item())).all():
             raise SimulationDiverged(f"the state is not finite at {t_s:.2f} s")
-        if abs(float(row[server.T]) - self._began_s - t_s) > 1e-6 * max(1.0, t_s):
-            raise SimulationDiverged(f"Gazebo's clock is at {row[server.T] - self._began_s:.3f} s where {t_s:.2f} s was asked for")
+        if abs(float(row["t_s"]) - self._began_s - t_s) > 1e-6 * max(1.0, t_s):
+            raise SimulationDiverged(f"Gazebo's clock is at {row['t_s'] - self._began_s:.3f} s where {t_s:.2f} s was asked for")
 
-    def _state_of(self, before: Float[np.ndarray, " 22"], row: Float[np.ndarray, " 22"]) -> ChairState:
+    def _state_of(self, before: np.void, row: np.void) -> ChairState:
         """Return the state at a tick, with velocities as differences over the tick.
 
         ODE's own velocities jump from step to step on a chair at rest: the correction of one contact's penetration deepens another.
@@ -142,13 +136,13 @@ class GazeboPlant(InstrumentedPlant):
             R_WB=R_WB,
             velocity_W=(p_WB - p_before) / TICK_S,
             rate_B=np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]) / (2.0 * TICK_S),
-            seat_rad=float(row[server.SEAT]),
-            stroke_m=float(self._drives.state[kernels.STROKE]),
+            seat_rad=float(row["seat"]),
+            stroke_m=float(self._drives.state["stroke"]),
             belts_m_s=self._drives.belts_m_s,
-            brake_on=bool(self._drives.state[kernels.BRAKED] > 0.5),
-            flipper_rad=float(row[server.FLIPPER]),
-            flipper_torque_n_m=float(row[server.FLIPPER_TORQUE]),
-            reach_m=row[server.REACH : server.REACH + 4],
+            brake_on=bool(self._drives.state["braked"] > 0.5),
+            flipper_rad=float(row["flipper"]),
+            flipper_torque_n_m=float(row["flipper_torque"]),
+            reach_m=row["reach"],
         )
 
     def _passed(self) -> Iterator[tuple[ChairState, float]]:
@@ -185,8 +179,8 @@ def _refuse_what_gazebo_cannot(scenario: Scenario, chair: ChairDescription) -> N
         )
 
 
-def _pose_of(row: Float[np.ndarray, " 22"]) -> tuple[Vector3, Rotation]:
-    return row[server.POSITION : server.POSITION + 3], rotation_of(row[server.ORIENTATION : server.ORIENTATION + 4])
+def _pose_of(row: np.void) -> tuple[Vector3, Rotation]:
+    return row["position"], rotation_of(row["orientation"])
 
 
 def open_gazebo(

@@ -35,9 +35,12 @@ LIBRARIES = "usr/lib/x86_64-linux-gnu/gazebo-11/plugins"
 BUILD = "build it with legacy/gazebo/environment.sh (root, once), or take the Dockerfile"
 """Remedy in error messages."""
 PROTOCOL, MAJOR = 1, 11
-ORDERS, COLUMNS = 8, 22
-"""Number of doubles in a command and in an answer, as in ``legacy/gazebo/lockstep.cc``."""
-T, POSITION, ORIENTATION, SEAT, FLIPPER, FLIPPER_TORQUE, REACH = 0, 1, 4, 14, 15, 16, 18
+ORDERS = 8
+"""Number of doubles in a command, as in ``legacy/gazebo/lockstep.cc``."""
+_MOTION = [("position", float, 3), ("orientation", float, 4), ("velocity", float, 3), ("rate", float, 3)]
+_JOINTS = [(name, float) for name in ("seat", "flipper", "flipper_torque", "contacts")]
+ANSWER = np.dtype([("t_s", float), *_MOTION, *_JOINTS, ("reach", float, 4)])
+"""Answer to a command, likewise."""
 Process = subprocess.Popen[bytes]
 COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 START_S = 180.0
@@ -91,7 +94,7 @@ class GazeboServer:
             else:
                 return
 
-    def step(self, order: Float[np.ndarray, " 8"]) -> Float[np.ndarray, " 22"]:
+    def step(self, order: Float[np.ndarray, " 8"]) -> np.void:
         """Send a command, run its steps and return the state after them.
 
         Raises:
@@ -100,7 +103,7 @@ class GazeboServer:
         assert self._socket is not None  # noqa: S101 - launched
         try:
             self._socket.sendall(order.tobytes())
-            return np.frombuffer(self._received(8 * COLUMNS))
+            return np.frombuffer(self._received(ANSWER.itemsize), ANSWER)[0]
         except OSError as error:
             raise self._died(error) from None
 
@@ -195,7 +198,7 @@ class GazeboServer:
             protocol, major, orders, columns = struct.unpack("<4d", self._received(32))
         except OSError as error:
             raise self._died(error) from None
-        if (protocol, major, orders, columns) != (PROTOCOL, MAJOR, ORDERS, COLUMNS):
+        if (protocol, major, orders, columns) != (PROTOCOL, MAJOR, ORDERS, ANSWER.itemsize // 8):
             what = f"the plugin speaks protocol {protocol:g} of Gazebo {major:g}, this program {PROTOCOL} of Gazebo {MAJOR}"
             raise GazeboError(f"{what}; {BUILD}")
 

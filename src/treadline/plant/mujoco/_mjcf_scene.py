@@ -17,12 +17,12 @@ from functools import cache
 
 import mujoco
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Shaped
 from jinja2 import Environment, PackageLoader, Template
 
 from treadline.core.rotations import quaternion_of
 from treadline.plant._actuators import FLIPPER_FRICTION_N_M_S_RAD, FLIPPER_LAG_S, FLIPPER_STIFFNESS_N_M_RAD
-from treadline.plant.mujoco.contact import _coulomb_kernels as coulomb
+from treadline.plant.mujoco.contact._coulomb_kernels import FRICTION
 from treadline.plant.mujoco.contact._parameters import DMAX, DMIN, NOMINAL, WIDTH_M, Physics
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.scenario import Chair
@@ -134,10 +134,10 @@ def _boxes(number: int, solid: Solid) -> Iterator[tuple[str, str, Box]]:
         yield f"{kind}_{number}", kind, replace(box, centre_W=(cx, cy, cz), half_m=(x, y, half_m))
 
 
-def friction_table(model: mujoco.MjModel, staircase: Staircase) -> Float[np.ndarray, "g 8"]:
+def friction_table(model: mujoco.MjModel, staircase: Staircase) -> Shaped[np.ndarray, " g"]:
     """Return the belt friction of each geom; geoms outside the stair have its design friction."""
-    table = np.zeros((model.ngeom, coulomb.MU_COLUMNS))
-    table[:, coulomb.MU_LEFT : coulomb.MIDDLE] = (*staircase.friction, *staircase.friction)
+    table = np.zeros(model.ngeom, FRICTION)
+    table["left"] = table["right"] = staircase.friction
     for number, solid in enumerate(stair_solids(staircase)):
         names = [name for name, _, _ in _boxes(number, solid)] + [f"nosing_{number}"] * (solid.nosing is not None)
         box = solid.box
@@ -147,12 +147,12 @@ def friction_table(model: mujoco.MjModel, staircase: Staircase) -> Float[np.ndar
             left = right = staircase.floor_friction if box.kind in ("floor", "sill") else staircase.friction
         leftward = (-math.sin(box.yaw_rad), math.cos(box.yaw_rad))
         for name in names:
-            table[model.geom(name).id] = (*left, *right, *box.centre_W[:2], *leftward)
+            table[model.geom(name).id] = (left, right, box.centre_W[:2], leftward)
     return table
 
 
-def roughened(table: Float[np.ndarray, "g 8"], friction: float) -> Float[np.ndarray, "g 8"]:
+def roughened(table: Shaped[np.ndarray, " g"], friction: float) -> Shaped[np.ndarray, " g"]:
     """Return the table with one uniform friction coefficient."""
     rough = table.copy()
-    rough[:, coulomb.MU_LEFT : coulomb.MIDDLE] = friction
+    rough["left"] = rough["right"] = friction
     return rough

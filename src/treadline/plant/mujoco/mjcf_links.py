@@ -64,8 +64,9 @@ FIXED = DescribedJoint(name="", kind="fixed", axis=np.array([0.0, 1.0, 0.0]))
 def _joint(model: mujoco.MjModel, data: mujoco.MjData, j: int) -> DescribedJoint:
     """Return a joint; its torque is that of its actuator."""
     is_hinge = model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE
-    motors = [k for k in range(model.nu) if model.actuator_trnid[k][0] == j and model.actuator_forcelimited[k]]
-    torques = [model.actuator_forcerange[k][1] * abs(model.actuator_gear[k][0]) for k in motors if _drives_joint(model, k)]
+    on_joint = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT) & (model.actuator_trnid[:, 0] == j)
+    motors = np.flatnonzero(on_joint & (model.actuator_forcelimited > 0))
+    torques = [model.actuator_forcerange[k][1] * abs(model.actuator_gear[k][0]) for k in motors]
     torques += [model.jnt_actfrcrange[j][1]] if model.jnt_actfrclimited[j] else []
     return DescribedJoint(
         name=model.joint(j).name,
@@ -74,11 +75,6 @@ def _joint(model: mujoco.MjModel, data: mujoco.MjData, j: int) -> DescribedJoint
         range_rad=tuple(model.jnt_range[j].tolist()) if model.jnt_limited[j] else None,
         torque_n_m=float(min(torques)) if torques else None,
     )
-
-
-def _drives_joint(model: mujoco.MjModel, k: int) -> bool:
-    """Whether an actuator drives a joint."""
-    return bool(model.actuator_trntype[k] == mujoco.mjtTrn.mjTRN_JOINT)
 
 
 def _touches(model: mujoco.MjModel, k: int) -> bool:

@@ -13,21 +13,21 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Shaped
 
 from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError, SimulationDiverged
 from treadline.core.ports import Reading, Truth
 from treadline.core.rotations import Rotation, Vector3, quaternion_of, rotation_of
 from treadline.core.signals import TICK_S
-from treadline.plant import _actuator_lag_and_slew_kernels as drives
 from treadline.plant._actuators import FLIPPER_FRICTION_N_M_S_RAD
+from treadline.plant._motors_and_battery_kernels import SEAT_MOTOR
 from treadline.plant.faults._damage import OUT_OF_THE_WAY_M, Damage, Surroundings, with_box
 from treadline.plant.mujoco import _step_kernels as kernels
 from treadline.plant.mujoco._mjcf_scene import friction_table, model_xml, roughened, seat_stiffness
 from treadline.plant.mujoco._native import contact_layout, contact_list, load_library, noslip_address, pointer_offsets
 from treadline.plant.mujoco.contact._parameters import NOMINAL, Physics, fit_lugs
-from treadline.plant.sensors._instruments import SUPPORT_TICKS, ChairState, InstrumentedPlant, look
+from treadline.plant.sensors._instruments import SETTLE_TICKS, SUPPORT_TICKS, ChairState, InstrumentedPlant, look
 from treadline.plant.sensors.camera.solids import SceneBox
 from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription
 from treadline.scenario.scenario import Scenario
@@ -35,8 +35,6 @@ from treadline.vehicle.bodies import SIDES, vehicle
 from treadline.vehicle.staircase import up_W
 from treadline.vehicle.start_pose import standing
 
-SETTLE_S = 1.0
-"""Duration of the physics before t = 0 on a stair of high friction [s], until the chair rests on its nosings."""
 SETTLE_FRICTION = 4.0
 """Friction coefficient during settling."""
 CONTACTS_MAX = 128
@@ -52,13 +50,13 @@ class MujocoPlant(InstrumentedPlant):
         self._around = Surroundings(self.staircase, chair, self._camera, 1 if scenario.drive.direction == "up" else -1)
         self._state = self._drives.state
         self._damage = Damage()
-        self._friction: Float[np.ndarray, "g 8"]
-        self._sway: Float[np.ndarray, " s"]
+        self._friction: Shaped[np.ndarray, " g"]
+        self._sway: Shaped[np.ndarray, " s"]
         self._build_physics(self._physics_draws)
-        self._settled: tuple[mujoco.MjData, Float[np.ndarray, " k"], Float[np.ndarray, " e"]] | None = None
+        self._settled: tuple[mujoco.MjData, Shaped[np.ndarray, ""], Shaped[np.ndarray, ""]] | None = None
         """Physics, actuators and battery at ``t = 0``, of the first start; None before it."""
         self._tick = 0
-        self._pending: list[tuple[int, Float[np.ndarray, " c"]]] = []
+        self._pending: list[tuple[int, np.void]] = []
 
     @property
     def _seats(self) -> int:
@@ -69,8 +67,7 @@ class MujocoPlant(InstrumentedPlant):
         """Place the chair on its nosings, belts at rest, at ``t = 0``; a further start restores the state of the first."""
         self._model.opt.noslip_iterations = 0  # still active after a run that ended with the brake on
         self._model.geom_surfacevel[self._belts] = 0.0
-        if self._scenario.chair.sways:  # at rest until t = 0, at one end of the sway
-            self._sway[kernels.SWAY_PHASE] = self._sway[kernels.SWAY_OMEGA] = 0.0
+        self._sway["phase"] = self._sway["omega"] = 0.0  # at rest until t = 0, at one end of the sway
         self._lugs.travel_m[:] = self._lugs.start_m
         if self._settled is None:
             self._pose()
@@ -79,12 +76,11 @@ class MujocoPlant(InstrumentedPlant):
             self._data.time = 0.0
             self._settled = copy.copy(self._data), self._drives.state.copy(), self._drives.electric.copy()
         else:
-            data, self._state[:], self._drives.electric[:] = self._settled
+            data, self._state[...], self._drives.electric[...] = self._settled
             mujoco.mj_copyData(self._data, self._model, data)
             self.set_damage(Damage())
             self._drives.command[:] = 0.0
-        if self._scenario.chair.sways:
-            self._sway[kernels.SWAY_OMEGA] = math.tau / self._scenario.chair.sway_period_s
+        self._sway["omega"] = math.tau / self._scenario.chair.sway_period_s
         self._tick = 0
         self._forget()
         self._instruments.start(self._data.qvel[:3].copy())
@@ -100,7 +96,7 @@ class MujocoPlant(InstrumentedPlant):
         ticks = round(until_s / TICK_S) - self._tick
         if ticks <= 0:
             return
-        log = np.empty((ticks, kernels.COLUMNS))
+        log = np.empty(ticks, kernels.ROW)
         self._run(ticks, log, self._friction)
         self._pending.extend(enumerate(log, start=self._tick + 1))
         self._tick, self._row = self._tick + ticks, log[-1]
@@ -113,7 +109,7 @@ class MujocoPlant(InstrumentedPlant):
         Raises:
             SimulationDiverged: As ``advance``.
         """
-        log = np.empty((ticks, kernels.COLUMNS))
+        log = np.empty(ticks, kernels.ROW)
         self._run(ticks, log, self._friction)
         self._tick, self._row = self._tick + ticks, log[-1]
         self._pending.clear()
@@ -131,16 +127,13 @@ class MujocoPlant(InstrumentedPlant):
 
     def set_damage(self, damage: Damage) -> None:
         """Replace the present damage of the chair."""
-        self._state[drives.STALLED : drives.STALLED + 2] = damage.stalled
-        self._state[drives.POWER_CUT] = damage.power_cut
-        self._state[drives.SEAT_STUCK] = damage.seat_stuck
-        self._state[drives.FLIPPER_STUCK] = damage.flipper_stuck
+        for flag in ("stalled", "power_cut", "seat_stuck", "flipper_stuck"):
+            self._state[flag] = getattr(damage, flag)
         self._grip[self._belts] = np.array(damage.grip)[:, None]
         self._model.body_ipos[self._seat_body] = rest_m = self._payload_rest_m + self._chair.in_chair(damage.payload_m)
-        if self._scenario.chair.sways:  # the sway sets the centre of mass before the next step
-            self._sway[kernels.SWAY_REST : kernels.SWAY_REST + 2] = rest_m[:2]
+        self._sway["rest"] = rest_m[:2]  # the sway sets the centre of mass before the next step
         if self._chair.flipper is not None:
-            self._state[drives.FLIPPER_LOST] = damage.flipper_lost
+            self._state["flipper_lost"] = damage.flipper_lost
             limit = 0.0 if damage.flipper_lost else self._chair.flipper.torque_n_m
             self._model.actuator_forcerange[self._seats] = (-limit, limit)
             self._model.dof_damping[kernels.FLIPPER_QVEL + self._seats] = FLIPPER_FRICTION_N_M_S_RAD
@@ -206,8 +199,8 @@ class MujocoPlant(InstrumentedPlant):
         self._payload_rest_m = self._model.body_ipos[self._seat_body].copy()
         loading, (x_m, y_m, _) = self._scenario.chair, self._model.body_ipos[self._seat_body]
         sway_m = self._chair.in_chair((*loading.sway_m, 0.0))[:2]
-        seat = (self._physics.timestep_s, self._model.body_mass[self._seat_body], *sway_m, x_m, y_m)
-        self._sway = np.array([0.0, 0.0, *seat] if loading.sways else [])
+        sway = (0.0, 0.0, self._physics.timestep_s, self._model.body_mass[self._seat_body], sway_m, (x_m, y_m))
+        self._sway = np.array([sway] if loading.sways else [], kernels.SWAY)
         self._corrected = np.array([True])
         """Whether contact forces are corrected to Coulomb's law; False keeps MuJoCo's convex solution, for comparison."""
         self._weight_n = float(self._model.body_subtreemass[1]) * GRAVITY_M_S2
@@ -220,7 +213,7 @@ class MujocoPlant(InstrumentedPlant):
         rest = tracks.approach_angle_deg * DEG
         self._drives.rest(start.seat_rad, rest)
         for number, limits in enumerate(self._drives.flipper, start=self._seats):
-            angle_rad = rest if limits[drives.FOLLOWS] else limits[drives.STAYS]
+            angle_rad = rest if limits["follows"] else limits["stays"]
             self._data.qpos[kernels.FLIPPER_QPOS + number] = self._data.ctrl[number] = angle_rad
         if self._chair.seat is not None:
             self._data.qpos[kernels.SEAT_QPOS] = self._data.ctrl[0] = start.seat_rad
@@ -232,10 +225,9 @@ class MujocoPlant(InstrumentedPlant):
         mujoco.mj_forward(self._model, self._data)
         self._attach()
         self._drives.command[:] = (0.0, 0.0, 1.0, 0.0, 0.0)
-        ticks = round(SETTLE_S / TICK_S)
-        log = np.empty((ticks, kernels.COLUMNS))
-        self._run(ticks, log, roughened(self._friction, SETTLE_FRICTION))
-        self._settled_reach = log[-SUPPORT_TICKS:, kernels.SUPPORT : kernels.SUPPORT + 4].max(axis=0)
+        log = np.empty(SETTLE_TICKS, kernels.ROW)
+        self._run(SETTLE_TICKS, log, roughened(self._friction, SETTLE_FRICTION))
+        self._settled_reach = log["support"][-SUPPORT_TICKS:].max(axis=0)
         self._data.qvel[:] = 0.0
         self._drives.command[:] = 0.0
 
@@ -272,7 +264,7 @@ class MujocoPlant(InstrumentedPlant):
             self._drives.command,
             self._drives.limits,
             self._drives.mismatch,
-            self._state,
+            self._state[()],
             self._belts,
             model.geom_surfacevel,
             # A lug's contact lies midway between its foot and its tip.
@@ -294,13 +286,13 @@ class MujocoPlant(InstrumentedPlant):
             (self._physics.tolerance_m_s2, self._physics.max_solves),
             belt_side,
             self._drives.motor,
-            self._drives.electric,
+            self._drives.electric[()],
             self._seat_actuator(),
             model.actuator_forcerange,
         )
 
-    def _seat_actuator(self) -> Float[np.ndarray, " n"]:
-        """Return the limits of the seat actuator for the compiled loop; empty without limits."""
+    def _seat_actuator(self) -> Shaped[np.ndarray, " n"]:
+        """Return the limits of the seat actuator for the compiled loop, one record; none without limits."""
         seat = self._chair.seat
         if (
             seat is None
@@ -309,12 +301,12 @@ class MujocoPlant(InstrumentedPlant):
             or seat.hold_n is None
             or not self._scenario.realism.motor_limits
         ):
-            return np.array([])
+            return np.zeros(0, SEAT_MOTOR)
         self._model.actuator_forcelimited[0] = True
         stiffness, damping = seat_stiffness(vehicle(self._chair, self._scenario.chair).seat)
-        return np.array([seat.push_n, seat.no_load_m_s, seat.hold_n, stiffness, damping / stiffness])
+        return np.array([(seat.push_n, seat.no_load_m_s, seat.hold_n, stiffness, damping / stiffness)], SEAT_MOTOR)
 
-    def _run(self, ticks: int, log: Float[np.ndarray, "n c"], friction: Float[np.ndarray, "g 8"]) -> None:
+    def _run(self, ticks: int, log: Shaped[np.ndarray, " n"], friction: Shaped[np.ndarray, " g"]) -> None:
         """Run the physics and check the result.
 
         Raises:
@@ -322,7 +314,7 @@ class MujocoPlant(InstrumentedPlant):
         """
         began_s = self._data.time
         expected_s = began_s + ticks * self._substeps * self._physics.timestep_s
-        fault = kernels.advance(ticks, friction, log, *self._memory)
+        fault = kernels.advance(ticks, friction, log, log.view(np.float64), *self._memory)
         in_time = abs(self._data.time - expected_s) <= 1e-6 * max(1.0, expected_s)
         if fault == kernels.SOUND and in_time:
             return
@@ -337,16 +329,15 @@ class MujocoPlant(InstrumentedPlant):
             raise SimulationDiverged(f"time went from {began_s:.3f} s to {self._data.time:.3f} s {where}")
         raise SimulationDiverged(f"more than {CONTACTS_MAX} contacts {where}")
 
-    def _log_row(self) -> Float[np.ndarray, " c"]:
-        row = np.zeros(kernels.COLUMNS)
-        row[kernels.QPOS : kernels.QPOS + 7 + self._seats] = self._data.qpos[: 7 + self._seats]
-        row[kernels.QVEL : kernels.QVEL + 6 + self._seats] = self._data.qvel[: 6 + self._seats]
-        row[kernels.SEAT] = self._state[drives.STROKE]
-        row[kernels.SUPPORT : kernels.SUPPORT + 4] = self._settled_reach
-        row[kernels.ROTATION : kernels.ROTATION + 9] = rotation_of(self._data.qpos[3:7]).ravel()
+    def _log_row(self) -> np.void:
+        row: np.void = np.zeros(1, kernels.ROW)[0]
+        row["qpos"][: 7 + self._seats] = self._data.qpos[: 7 + self._seats]
+        row["qvel"][: 6 + self._seats] = self._data.qvel[: 6 + self._seats]
+        row["seat"], row["support"] = self._state["stroke"], self._settled_reach
+        row["rotation"] = rotation_of(self._data.qpos[3:7])
         if self._chair.flipper is not None:
-            row[kernels.FLIPPER] = self._data.qpos[kernels.FLIPPER_QPOS + self._seats]
-            row[kernels.FLIPPER_TORQUE] = self._data.actuator_force[self._seats]
+            row["flipper"] = self._data.qpos[kernels.FLIPPER_QPOS + self._seats]
+            row["flipper_torque"] = self._data.actuator_force[self._seats]
         return row
 
     def _passed(self) -> Iterator[tuple[ChairState, float]]:
@@ -355,27 +346,27 @@ class MujocoPlant(InstrumentedPlant):
         for tick, row in pending:
             yield self._state_of(tick, row), grip
 
-    def _state_of(self, tick: int, row: Float[np.ndarray, " c"]) -> ChairState:
-        numbers = row.tolist()  # an array gives up its elements one by one at ten times the cost
+    def _state_of(self, tick: int, row: np.void) -> ChairState:
+        pose, velocity = row["qpos"], row["qvel"]
         return ChairState(
             tick=tick,
-            p_WB=row[kernels.QPOS : kernels.QPOS + 3],
-            R_WB=row[kernels.ROTATION : kernels.ROTATION + 9].reshape(3, 3),
-            velocity_W=row[kernels.QVEL : kernels.QVEL + 3],
-            rate_B=row[kernels.QVEL + 3 : kernels.QVEL + 6],
-            seat_rad=numbers[kernels.QPOS + 7],
-            stroke_m=numbers[kernels.SEAT],
-            belts_m_s=row[kernels.BELTS : kernels.BELTS + 2],
-            brake_on=numbers[kernels.BRAKE] > 0.5,
-            flipper_rad=numbers[kernels.FLIPPER],
-            flipper_torque_n_m=numbers[kernels.FLIPPER_TORQUE],
-            reach_m=row[kernels.SUPPORT : kernels.SUPPORT + 4],
-            contact_force_share=numbers[kernels.FORCE_MAX] / self._weight_n,
-            airborne_share=numbers[kernels.AIRBORNE] / self._substeps,
-            contact_residual_m_s2=numbers[kernels.RESIDUAL],
-            hull_contacts=int(numbers[kernels.HULL]),
-            traction_n=row[kernels.TRACTION : kernels.TRACTION + 2],
-            power_w=numbers[kernels.POWER],
+            p_WB=pose[:3],
+            R_WB=row["rotation"],
+            velocity_W=velocity[:3],
+            rate_B=velocity[3:6],
+            seat_rad=float(pose[7]),
+            stroke_m=float(row["seat"]),
+            belts_m_s=row["belts"],
+            brake_on=bool(row["brake"] > 0.5),
+            flipper_rad=float(row["flipper"]),
+            flipper_torque_n_m=float(row["flipper_torque"]),
+            reach_m=row["support"],
+            contact_force_share=float(row["force_max"]) / self._weight_n,
+            airborne_share=float(row["airborne"]) / self._substeps,
+            contact_residual_m_s2=float(row["residual"]),
+            hull_contacts=int(row["hull"]),
+            traction_n=row["traction"],
+            power_w=float(row["power"]),
             payload_shift_m=self._chair.in_chair(self._damage.payload_m),
         )
 

@@ -1,6 +1,7 @@
 """Samples of an inertial sensor from the motion of the chair, compiled."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,15 +12,25 @@ from treadline.estimation.tilt import AT_REST
 from treadline.plant.sensors._pose_kernels import product, quaternion, rotation
 from treadline.scenario.chair import GRAVITY_M_S2
 
-# IMU parameters per tick: retained and added part of the bias; accelerometer weight in the attitude filter, zero for an attitude
-# without error; noise of gyro and accelerometer; rotation of the vibration phasor (complex number), its excitation by belts.
-BIAS_KEPT, BIAS_ADDED, FORCE_SHARE, GYRO_NOISE, FORCE_NOISE, SHAKE_TURN, SHAKE_PUSH = 0, 1, 2, 3, 4, 5, 7
-FIGURES = 8
-# IMU memory: gyro bias, last gyro sample, attitude of the filter (w, x, y, z), vibration angles and their quadrature.
-BIAS, LAST_RATE, ATTITUDE, ANGLE, QUADRATURE = 0, 3, 6, 10, 13
-MEMORY = 16
+MEMORY = np.dtype([(name, float, 3) for name in ("bias", "last_rate", "angle", "quadrature")] + [("attitude", float, 4)])
+"""Memory of an IMU: gyro bias, last gyro sample, vibration angles and their quadrature, attitude of the filter (w, x, y, z)."""
 DRAWS = 15
 """Number of normal random numbers per sample."""
+
+
+class ImuFigures(NamedTuple):
+    """Error parameters of an IMU per tick."""
+
+    bias_kept: float
+    bias_added: float
+    force_share: float
+    """Weight of the accelerometer in the attitude filter; zero for an attitude without error."""
+    gyro_noise: float
+    force_noise: float
+    shake_turn: tuple[float, float]
+    """Rotation of the vibration's phasor, a complex number."""
+    shake_push: float
+    """Excitation of the vibration by moving belts."""
 
 
 @njit(cache=True)
@@ -36,22 +47,23 @@ def imu_sample(draw, R_WB, rate, acceleration, moving, figures, scale, bias_left
     """
     measured, force = sample[4:7], sample[7:10]
     upward = np.array((acceleration[0], acceleration[1], acceleration[2] + GRAVITY_M_S2))
-    turn, turn_aside = figures[SHAKE_TURN], figures[SHAKE_TURN + 1]
+    turn, turn_aside = figures.shake_turn
+    bias, angles, quadrature = memory["bias"], memory["angle"], memory["quadrature"]
     for i in range(3):
-        memory[BIAS + i] = figures[BIAS_KEPT] * memory[BIAS + i] + figures[BIAS_ADDED] * draw[i]
+        bias[i] = figures.bias_kept * bias[i] + figures.bias_added * draw[i]
         # The angle is the real part of a phasor; the rate is its finite difference, so the integrated rate is the angle itself.
-        angle, aside = memory[ANGLE + i], memory[QUADRATURE + i]
-        memory[ANGLE + i] = fused(turn, angle, -(turn_aside * aside))
-        memory[QUADRATURE + i] = fused(turn, aside, turn_aside * angle)
+        angle, aside = angles[i], quadrature[i]
+        angles[i] = fused(turn, angle, -(turn_aside * aside))
+        quadrature[i] = fused(turn, aside, turn_aside * angle)
         if moving:
-            memory[ANGLE + i] += figures[SHAKE_PUSH] * draw[6 + i]
-            memory[QUADRATURE + i] += figures[SHAKE_PUSH] * draw[12 + i]
-        noise = figures[GYRO_NOISE] * draw[3 + i] + (memory[ANGLE + i] - angle) / TICK_S
-        measured[i] = scale[i] * rate[i] + bias_left[i] + memory[BIAS + i] + noise
-        force[i] = dot(R_WB[:, i], upward) + force_bias[i] + figures[FORCE_NOISE] * draw[9 + i]
-    attitude = memory[ATTITUDE : ATTITUDE + 4]
-    blend_attitude(attitude, memory[LAST_RATE : LAST_RATE + 3], measured, force, figures[FORCE_SHARE])
-    if figures[FORCE_SHARE] == 0.0:
+            angles[i] += figures.shake_push * draw[6 + i]
+            quadrature[i] += figures.shake_push * draw[12 + i]
+        noise = figures.gyro_noise * draw[3 + i] + (angles[i] - angle) / TICK_S
+        measured[i] = scale[i] * rate[i] + bias_left[i] + bias[i] + noise
+        force[i] = dot(R_WB[:, i], upward) + force_bias[i] + figures.force_noise * draw[9 + i]
+    attitude = memory["attitude"]
+    blend_attitude(attitude, memory["last_rate"], measured, force, figures.force_share)
+    if figures.force_share == 0.0:
         exact = product(about_up(heading_of(attitude) - math.atan2(R_WB[1, 0], R_WB[0, 0])), R_WB)
         attitude[:] = quaternion(exact)
     sample[:4] = attitude

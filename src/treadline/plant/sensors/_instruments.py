@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Shaped
 
 from treadline.core.angles import DEG
 from treadline.core.ports import Reading, Truth
@@ -98,6 +98,8 @@ class Encoder:
         return (math.floor(self._travel_counts) - before) / (self._counts_m * TICK_S)
 
 
+SETTLE_TICKS = 100
+"""Duration of the physics before t = 0 on a stair of high friction [ticks], until the chair rests on its nosings."""
 SUPPORT_TICKS = 25
 """Number of ticks during which a contact counts as support: contacts of a rocking chair are intermittent, and a chair drives 5 cm
 in a quarter of a second."""
@@ -315,23 +317,24 @@ class Instruments:
         )
 
 
-def chair_numbers(chair: ChairDescription, loading: Chair) -> Float[np.ndarray, " k"]:
-    """Return the parameters of a loaded chair as an array for ``kernels.truth``."""
-    numbers = np.empty(kernels.CHAIR)
-    numbers[kernels.HALF_RUN] = 0.5 * chair.tracks.flat_run_m
-    numbers[kernels.HINGE : kernels.HINGE + 3] = payload_origin(chair, loading)
-    numbers[kernels.SEAT_KG], numbers[kernels.CHASSIS_KG] = chair.empty_seat_kg + loading.payload_kg, chair.masses.chassis_kg
-    numbers[kernels.CHASSIS : kernels.CHASSIS + 3] = chair.masses.chassis_com_m
-    return numbers
+def chair_numbers(chair: ChairDescription, loading: Chair) -> kernels.ChairNumbers:
+    """Return the parameters of a loaded chair for ``kernels.truth``."""
+    return kernels.ChairNumbers(
+        half_run=0.5 * chair.tracks.flat_run_m,
+        hinge=payload_origin(chair, loading),
+        seat_kg=chair.empty_seat_kg + loading.payload_kg,
+        chassis_kg=chair.masses.chassis_kg,
+        chassis=chair.masses.chassis_com_m,
+    )
 
 
-def section_numbers(chair: ChairDescription) -> Float[np.ndarray, "n k"]:
-    """Return the sections of a chair's belts as rows for ``kernels.truth``."""
+def section_numbers(chair: ChairDescription) -> Shaped[np.ndarray, " n"]:
+    """Return the sections of a chair's belts for ``kernels.truth``."""
     rows = []
     for one in sections(chair):
         turns = (one.zero_rad, one.raises, one.stays_rad, float(one.follows), one.mass_kg, one.com_m / one.length_m)
-        rows.append((*one.start_m, one.length_m, *one.radii_m, 0.5 * one.gauge_m, *turns))
-    return np.array(rows)
+        rows.append((one.start_m, one.length_m, one.radii_m, 0.5 * one.gauge_m, *turns))
+    return np.array(rows, kernels.SECTION)
 
 
 class InstrumentedPlant(ABC):

@@ -1,18 +1,30 @@
 """Ground truth from the pose of a chair, and rotations, compiled."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from treadline.core.fma import dot, fused
 from treadline.core.kernel_cache import njit
 
-# Parameters of a chair for ``truth``: half of the flat run, origin of the payload's frame with seat shift, mass of seat and
-# payload, mass and centre of the chassis.
-HALF_RUN, HINGE, SEAT_KG, CHASSIS_KG, CHASSIS, CHAIR = 0, 1, 4, 5, 6, 9
-# Columns of a section of the belts: axis of its start, length, radii at start and end, half gauge, direction at a zero joint, sign
-# of a turn, angle at which it stays, whether it turns with the flipper, mass, place of its centre of mass as a share of its length.
-START, LENGTH, RADII, HALF_GAUGE, ZERO, RAISES, STAYS, FOLLOWS, KG, SHARE, SECTION = 0, 2, 3, 5, 6, 7, 8, 9, 10, 11, 12
+_TURN = ("half_gauge", "zero", "raises", "stays", "follows", "kg", "share")
+SECTION = np.dtype([("start", float, 2), ("length", float), ("radii", float, 2)] + [(name, float) for name in _TURN])
+"""Section of the belts: axis of its start, length, radii at start and end, half gauge, direction at a zero joint, sign of a turn,
+angle at which it stays, whether it turns with the flipper, mass, place of its centre of mass as a share of its length."""
+
+
+class ChairNumbers(NamedTuple):
+    """Parameters of a loaded chair for ``truth``."""
+
+    half_run: float
+    hinge: tuple[float, float, float]
+    """Origin of the payload's frame, with the seat shift."""
+    seat_kg: float
+    """Mass of seat and payload."""
+    chassis_kg: float
+    chassis: tuple[float, float, float]
+    """Centre of mass of the chassis."""
 
 
 @njit(cache=True)
@@ -45,7 +57,7 @@ def truth(
         flipper_angle: Angle of the flipper.
         reach: Reach of the belt contacts of this tick; stored in row ``place`` of ``reaches``, or in all rows if ``place`` is
             negative.
-        chair: parameters as named above; ``sections``: rows of the belts' sections, likewise.
+        sections: records ``SECTION``.
         seated: Centre of the payload from the hinge in the seat frame, without sway; ``loaded``: with sway.
         rocking: Tangent of the angle by which the chair may turn onto ground for it to count as support.
         up_W: Unit vector against gravity: z of W, except on a stair that falls to a side.
@@ -60,23 +72,24 @@ def truth(
         reaches[place] = reach
     # Contacts of a rocking chair are intermittent: the recent ones count.
     touches, tail, left, right = reaches[:, 0].max(), reaches[:, 1].max(), reaches[:, 2].max(), reaches[:, 3].max()
-    front, rear = support(touches, tail, edges_W, p_WB, R_WB, chair[HALF_RUN], rocking)
-    kg = chair[CHASSIS_KG]
-    com_x, com_y, com_z = kg * chair[CHASSIS], kg * chair[CHASSIS + 1], kg * chair[CHASSIS + 2]
+    front, rear = support(touches, tail, edges_W, p_WB, R_WB, chair.half_run, rocking)
+    kg = chair.chassis_kg
+    com_x, com_y, com_z = kg * chair.chassis[0], kg * chair.chassis[1], kg * chair.chassis[2]
     for row in sections:
-        turned = row[ZERO] + row[RAISES] * (flipper_angle if row[FOLLOWS] > 0.5 else row[STAYS])
-        end_x, end_z = row[START] + row[LENGTH] * math.cos(turned), row[START + 1] + row[LENGTH] * math.sin(turned)
-        for pulley_x, pulley_z, radius in ((row[START], row[START + 1], row[RADII]), (end_x, end_z, row[RADII + 1])):
-            ahead, gap = pulley_gap(surfaces, pulley_x, pulley_z, row[HALF_GAUGE], radius, p_WB, R_WB)
+        turned = row["zero"] + row["raises"] * (flipper_angle if row["follows"] > 0.5 else row["stays"])
+        (start_x, start_z), length, share = row["start"], row["length"], row["share"]
+        end_x, end_z = start_x + length * math.cos(turned), start_z + length * math.sin(turned)
+        for pulley_x, pulley_z, radius in ((start_x, start_z, row["radii"][0]), (end_x, end_z, row["radii"][1])):
+            ahead, gap = pulley_gap(surfaces, pulley_x, pulley_z, row["half_gauge"], radius, p_WB, R_WB)
             if touches > -math.inf and gap <= rocking * (ahead - touches):
                 front = max(front, ahead)
             if tail > -math.inf and gap <= rocking * (-ahead - tail):
                 rear = max(rear, -ahead)
-        kg += row[KG]
-        com_x += row[KG] * ((1.0 - row[SHARE]) * row[START] + row[SHARE] * end_x)
-        com_z += row[KG] * ((1.0 - row[SHARE]) * row[START + 1] + row[SHARE] * end_z)
+        kg += row["kg"]
+        com_x += row["kg"] * ((1.0 - share) * start_x + share * end_x)
+        com_z += row["kg"] * ((1.0 - share) * start_z + share * end_z)
     com_x, com_y, com_z = com_x / kg, com_y / kg, com_z / kg
-    payload, seat_kg = np.empty(3), chair[SEAT_KG]
+    payload, seat_kg = np.empty(3), chair.seat_kg
     _on_seat(chair, loaded, c, s, payload)
     total = kg + seat_kg
     com_x = (kg * com_x + seat_kg * payload[0]) / total
@@ -165,9 +178,10 @@ def pulley_gap(surfaces, pulley_x, pulley_z, half_gauge, radius, p_WB, R_WB):
 @njit(cache=True)
 def _on_seat(chair, centre, c, s, place):
     """Fill ``place`` with a point of the seat in B: ``mechanics.stability.payload_place``, compiled."""
-    place[0] = chair[HINGE] + c * centre[0] + s * centre[2]
-    place[1] = chair[HINGE + 1] + centre[1]
-    place[2] = chair[HINGE + 2] - s * centre[0] + c * centre[2]
+    x, y, z = chair.hinge
+    place[0] = x + c * centre[0] + s * centre[2]
+    place[1] = y + centre[1]
+    place[2] = z - s * centre[0] + c * centre[2]
 
 
 @njit(cache=True)

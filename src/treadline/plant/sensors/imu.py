@@ -14,7 +14,6 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
 
 from treadline.core.angles import DEG
 from treadline.core.rotations import Rotation, Vector3, levelling, quaternion_of, rotation_about, rotation_x, rotation_y, rotation_z
@@ -86,10 +85,10 @@ class Imu:
     def __init__(self, errors: ImuErrors, gravity_error_rad: float, rng: np.random.Generator) -> None:
         self._rng = rng
         self._figures = _figures(errors)
-        self._memory = np.zeros(kernels.MEMORY)
+        self._memory = np.zeros((), kernels.MEMORY)
         draw = rng.standard_normal(8)
         self._bias_left = errors.bias_left_rad_s * draw[:3]
-        self._memory[kernels.BIAS : kernels.BIAS + 3] = errors.bias_wander_rad_s * draw[3:6]
+        self._memory["bias"] = errors.bias_wander_rad_s * draw[3:6]
         self._scale = 1.0 + errors.scale * (2.0 * rng.random(3) - 1.0)
         self._yaw_rad = rng.uniform(-math.pi, math.pi)
         direction = float(rng.uniform(-math.pi, math.pi))
@@ -104,7 +103,7 @@ class Imu:
         force = R_WB[2] * GRAVITY_M_S2 + self._force_bias
         noise = rotation_x(float(self._alignment_rad[0])) @ rotation_y(float(self._alignment_rad[1]))
         R = noise @ rotation_about(levelling(R_WB @ force)) @ R_WB
-        self._memory[kernels.ATTITUDE : kernels.ATTITUDE + 4] = quaternion_of(rotation_z(self._yaw_rad) @ R)
+        self._memory["attitude"] = quaternion_of(rotation_z(self._yaw_rad) @ R)
         self._is_aligned = True
 
     def sample(self, t_s: float, R_WB: Rotation, rate_B: Vector3, acceleration_W: Vector3, *, moving: bool) -> ImuSample:
@@ -122,7 +121,7 @@ class Imu:
             self._scale,
             self._bias_left,
             self._force_bias,
-            self._memory,
+            self._memory[()],
             sample,
         )
         qw, qx, qy, qz, gx, gy, gz, ax, ay, az = sample.tolist()
@@ -134,19 +133,20 @@ class Imu:
         )
 
 
-def _figures(errors: ImuErrors) -> Float[np.ndarray, " n"]:
-    """Return the error parameters per tick as an array for the compiled kernel."""
-    figures = np.empty(kernels.FIGURES)
-    keep = math.exp(-TICK_S / errors.bias_time_s)
-    figures[kernels.BIAS_KEPT], figures[kernels.BIAS_ADDED] = keep, errors.bias_wander_rad_s * math.sqrt(1.0 - keep * keep)
-    figures[kernels.FORCE_SHARE] = 0.0 if errors.attitude_time_s is None else TICK_S / errors.attitude_time_s
-    figures[kernels.GYRO_NOISE] = errors.gyro_noise_rad_s_rthz * math.sqrt(0.5 / TICK_S)
-    figures[kernels.FORCE_NOISE] = errors.accelerometer_noise_m_s2
+def _figures(errors: ImuErrors) -> kernels.ImuFigures:
+    """Return the error parameters per tick for the compiled kernel."""
+    kept = math.exp(-TICK_S / errors.bias_time_s)
     # The chassis vibration is a damped resonance excited by the belts.
     turn = 2.0 * math.pi * errors.vibration_hz * TICK_S
     keep = math.exp(-errors.vibration_damping * turn)
     angle_rad = errors.vibration_rad_s * TICK_S / math.sqrt(2.0 * (1.0 - keep * math.cos(turn)))
     phasor = keep * cmath.exp(1j * turn)
-    figures[kernels.SHAKE_TURN : kernels.SHAKE_TURN + 2] = phasor.real, phasor.imag
-    figures[kernels.SHAKE_PUSH] = angle_rad * math.sqrt(1.0 - keep * keep)
-    return figures
+    return kernels.ImuFigures(
+        bias_kept=kept,
+        bias_added=errors.bias_wander_rad_s * math.sqrt(1.0 - kept * kept),
+        force_share=0.0 if errors.attitude_time_s is None else TICK_S / errors.attitude_time_s,
+        gyro_noise=errors.gyro_noise_rad_s_rthz * math.sqrt(0.5 / TICK_S),
+        force_noise=errors.accelerometer_noise_m_s2,
+        shake_turn=(phasor.real, phasor.imag),
+        shake_push=angle_rad * math.sqrt(1.0 - keep * keep),
+    )

@@ -196,7 +196,7 @@ def track_parts(chair: ChairDescription, belts: Belts | None = None) -> tuple[Me
     fixed = chair.flipper is None
     further = [mesh for section in sections(chair)[2:] for mesh in _section_parts(section, height)]
     pulleys = [(x, z) for x, z in pulley_centres(chair).tolist()][: 3 if fixed else 2]
-    loops = _hull(pulleys, surface), _hull(pulleys, wheel)
+    loops = _around(pulleys, [surface] * len(pulleys)), _around(pulleys, [wheel] * len(pulleys))
     strips = _tip(out, surface), _tip(out, wheel)
     parts = [part(f"belt_{side}", "chair", [band(*loops, *_across(tracks, y), closed=True)], "belt") for side, y in sides(tracks)]
     parts += _running_gear(tracks, "chair", pulleys, wheel)
@@ -222,7 +222,7 @@ def _section_parts(section: Section, height: float) -> list[MeshPart]:
     pulleys: list[Mesh] = []
     bars: list[Mesh] = []
     for y in (0.5 * section.gauge_m, -0.5 * section.gauge_m):
-        belts.append(band(_around_two(axes, surfaces), _around_two(axes, wheels), y - half, y + half, closed=True))
+        belts.append(band(_around(axes, surfaces), _around(axes, wheels), y - half, y + half, closed=True))
         pulleys += [_pulley((x, y, z), wheel, half) for (x, z), wheel in zip(axes, wheels, strict=True)]
         (x0, z0), (x1, z1) = axes
         bars += [capsule((x0, y + off, z0), (x1, y + off, z1), 0.22 * min(wheels), sides=6) for off in (-0.62 * half, 0.62 * half)]
@@ -230,43 +230,24 @@ def _section_parts(section: Section, height: float) -> list[MeshPart]:
     return [part(f"{section.name}_{name}", body, meshes, painted) for name, meshes, painted in drawn]
 
 
-def _around_two(axes: list[tuple[float, float]], radii: list[float]) -> Outline:
-    """Return the outline of a belt around two pulleys of different radii, anticlockwise."""
-    (x0, z0), (x1, z1) = axes
-    direction = math.atan2(z1 - z0, x1 - x0)
-    # Normal of the upper straight part, from the direction of the last axis.
-    upper = math.acos(max(-1.0, min(1.0, (radii[0] - radii[1]) / math.dist(*axes))))
-    arcs = ((x1, z1, radii[1], -upper, 2.0 * upper), (x0, z0, radii[0], upper, 2.0 * (math.pi - upper)))
-    return np.array(
-        [
-            (
-                x + r * math.cos(direction + start + turn * k / (ARC_POINTS - 1)),
-                z + r * math.sin(direction + start + turn * k / (ARC_POINTS - 1)),
-            )
-            for x, z, r, start, turn in arcs
-            for k in range(ARC_POINTS)
-        ]
-    )
+def _around(axes: list[tuple[float, float]], radii: list[float]) -> Outline:
+    """Return the outline of a belt around two or three pulleys, anticlockwise."""
+    straights = list(zip(axes, [*axes[1:], axes[0]], radii, [*radii[1:], radii[0]], strict=True))
+    # Normals of the straight parts, outwards, each from an axis to the next.
+    normals = [
+        math.atan2(z1 - z0, x1 - x0) - math.acos(max(-1.0, min(1.0, (r0 - r1) / math.dist((x0, z0), (x1, z1)))))
+        for (x0, z0), (x1, z1), r0, r1 in straights
+    ]
+    outline = []
+    for (x, z), r, start, end in zip(axes, radii, [normals[-1], *normals], normals, strict=False):
+        arc = start + (end - start) % (2.0 * math.pi) * np.linspace(0.0, 1.0, ARC_POINTS)
+        outline.append(np.column_stack([x + r * np.cos(arc), z + r * np.sin(arc)]))
+    return np.concatenate(outline)
 
 
 def _across(tracks: Tracks, y: float) -> tuple[float, float]:
     """Return the lateral extent of a belt."""
     return y - 0.5 * tracks.belt_width_m, y + 0.5 * tracks.belt_width_m
-
-
-def _hull(centres: list[tuple[float, float]], radius: float) -> Outline:
-    """Return the outline of a belt of one radius around two or three pulleys, anticlockwise."""
-    points: list[tuple[float, float]] = []
-    count = len(centres)
-    for i, (x, z) in enumerate(centres):
-        before, after = centres[i - 1], centres[(i + 1) % count]
-        start = math.atan2(-(x - before[0]), z - before[1])
-        turn = (math.atan2(-(after[0] - x), after[1] - z) - start) % (2.0 * math.pi)
-        points += [
-            (x + radius * math.cos(start + turn * k / (ARC_POINTS - 1)), z + radius * math.sin(start + turn * k / (ARC_POINTS - 1)))
-            for k in range(ARC_POINTS)
-        ]
-    return np.array(points)
 
 
 def _tip(out: float, radius: float) -> Outline:

@@ -13,7 +13,6 @@ from treadline.core.ports import Truth
 from treadline.core.rotations import rotation_of
 from treadline.core.signals import SeatCommand, TrackCommand
 from treadline.plant.mujoco import NOMINAL, MujocoPlant, Physics, open_plant
-from treadline.plant.mujoco import _step_kernels as kernels
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Chair, Scenario
 from treadline.vehicle.bodies import centre_of_mass
@@ -70,8 +69,9 @@ def held(plant: MujocoPlant, left_m_s: float, right_m_s: float, until_s: float, 
     return list(plant.truth())
 
 
-def heading_and_place(plant: MujocoPlant, pose: np.ndarray) -> tuple[float, float]:
-    """Return heading and distance up the flight in the stair's frame; ``pose`` begins with position and quaternion."""
+def heading_and_place(plant: MujocoPlant, row: np.void) -> tuple[float, float]:
+    """Return heading and distance up the flight in the stair's frame at a row of the log."""
+    pose = row["qpos"]
     R_SB = plant.staircase.R_WS.T @ rotation_of(np.ascontiguousarray(pose[3:7]))
     p_SB = plant.staircase.R_WS.T @ (pose[:3] - plant.staircase.p_WS)
     return math.atan2(R_SB[1, 0], R_SB[0, 0]), float(p_SB[0])
@@ -79,15 +79,15 @@ def heading_and_place(plant: MujocoPlant, pose: np.ndarray) -> tuple[float, floa
 
 def theory_from(
     plant: MujocoPlant,
-    pose: np.ndarray,
+    row: np.void,
     slope_deg: float,
     friction: tuple[float, float],
     belts: tuple[float, float],
     duration_s: float,
 ) -> QuasiStaticRun:
-    """Return the run of the Coulomb model with the chair's inertia that begins in a pose of the plant."""
+    """Return the run of the Coulomb model with the chair's inertia that begins at a row of the plant's log."""
     slope = slope_deg * DEG
-    heading, place = heading_and_place(plant, pose)
+    heading, place = heading_and_place(plant, row)
     # A nosing is touched where its round bar's axis lies under the belt, a little up the slope from the sharp edge.
     edge_m = plant.staircase.nosing_radius_m * (math.cos(slope) - math.sin(slope))
     return dynamic_run(
@@ -103,11 +103,11 @@ def theory_from(
     )
 
 
-def heading_rad(plant: MujocoPlant, pose: np.ndarray) -> float:
+def heading_rad(plant: MujocoPlant, row: np.void) -> float:
     """Return the heading in the stair's frame, or on the floor in the world's, of which the stair's frame is tilted."""
     if plant._scenario.start.place != "floor":
-        return heading_and_place(plant, pose)[0]
-    R_WB = rotation_of(np.ascontiguousarray(pose[3:7]))
+        return heading_and_place(plant, row)[0]
+    R_WB = rotation_of(np.ascontiguousarray(row["qpos"][3:7]))
     return math.atan2(R_WB[1, 0], R_WB[0, 0])
 
 
@@ -117,7 +117,7 @@ class PlantRun:
 
     plant: MujocoPlant
     log: np.ndarray
-    """One row per tick, columns as in ``kernels``."""
+    """One record ``kernels.ROW`` per tick."""
     settle_s: float
 
     @property
@@ -126,7 +126,7 @@ class PlantRun:
         return self.log[round(self.settle_s * TICKS_A_SECOND) + 1 :]
 
     @property
-    def begin(self) -> np.ndarray:
+    def begin(self) -> np.void:
         """Row at which settling ends."""
         return self.log[round(self.settle_s * TICKS_A_SECOND)]
 
@@ -147,12 +147,12 @@ class PlantRun:
     @property
     def load(self) -> np.ndarray:
         """Largest sum of the normal forces in each tick, over the weight."""
-        return self.settled[:, kernels.FORCE_MAX] / self.plant._weight_n
+        return self.settled["force_max"] / self.plant._weight_n
 
     @property
     def airborne(self) -> int:
         """Number of physics steps without contact."""
-        return int(self.settled[:, kernels.AIRBORNE].sum())
+        return int(self.settled["airborne"].sum())
 
 
 def plant_run(plant: MujocoPlant, belts: tuple[float, float], duration_s: float, settle_s: float = 1.0) -> PlantRun:

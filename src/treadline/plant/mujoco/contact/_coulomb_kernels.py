@@ -14,6 +14,7 @@ Paper: G. De Saxcé, Z.-Q. Feng, The bipotential method, Math. Comput. Modelling
 
 import math
 
+import numpy as np
 from llvmlite import ir
 from numba import carray, types  # type: ignore[attr-defined]
 from numba.extending import intrinsic
@@ -33,10 +34,9 @@ RELAXATION_CUT, RELAXATION_MIN, SLOW_CONVERGENCE = 0.7, 0.3, 0.9
 applied."""
 EXCLUDED = -1
 """Constraint address of a contact without constraint rows."""
-# Columns of a geom's friction: along and across for its left half, the same for its right half, a point on the line between the
-# halves and the unit vector to its left, both in the horizontal plane of the world.
-MU_LEFT, MU_RIGHT, MIDDLE, LEFTWARD = 0, 2, 4, 6
-MU_COLUMNS = 8
+FRICTION = np.dtype([(name, float, 2) for name in ("left", "right", "middle", "leftward")])
+"""Friction of a geom: along and across for its left half, the same for its right half, a point on the line between the halves and
+the unit vector to its left, both in the horizontal plane of the world."""
 
 
 @intrinsic
@@ -146,8 +146,8 @@ def solve_contacts(model, data, count, real, whole, fields, pointers, accelerati
 def turn_contacts(count, real, whole, frame, friction, surfacevel, geom, is_belt, chair_y, mu):
     """Align the tangents of each belt contact with the belt: along y × n, and across; set the friction of the stair's geom.
 
-    ``real`` and ``whole`` are the contact list as doubles and as integers, one row per contact; ``mu`` has one row per geom, see
-    ``MU_LEFT``.
+    ``real`` and ``whole`` are the contact list as doubles and as integers, one row per contact; ``mu`` has one record
+    ``FRICTION`` per geom.
     """
     for i in range(count):
         row = real[i]
@@ -159,9 +159,9 @@ def turn_contacts(count, real, whole, frame, friction, surfacevel, geom, is_belt
         else:
             continue
         # The position of a contact is stored before its frame. The sign of ``aside`` selects the half of the geom.
-        aside = (row[frame - 3] - grip[MIDDLE]) * grip[LEFTWARD] + (row[frame - 2] - grip[MIDDLE + 1]) * grip[LEFTWARD + 1]
-        half = MU_LEFT if aside > 0.0 else MU_RIGHT
-        mu_along, mu_across = grip[half], grip[half + 1]
+        middle, leftward = grip["middle"], grip["leftward"]
+        aside = (row[frame - 3] - middle[0]) * leftward[0] + (row[frame - 2] - middle[1]) * leftward[1]
+        mu_along, mu_across = grip["left"] if aside > 0.0 else grip["right"]
         nx, ny, nz = row[frame], row[frame + 1], row[frame + 2]
         ox, oy, oz = sign * nx, sign * ny, sign * nz
         tx = chair_y[1] * oz - chair_y[2] * oy
