@@ -59,24 +59,33 @@ class Outline:
 
 
 def way_over(
-    plan: FlightPlan, width_m: float, outline: Outline, start: Vector3 | None = None, *, up: bool = True
+    plan: FlightPlan, width_m: float, outline: Outline, start: Vector3 | None = None, *, off_m: float | None = None
 ) -> Float[np.ndarray, "n 3"]:
-    """Return the poses of the shortest way over a landing to the next flight, a drive or a turn apart; empty if there is none.
+    """Return the poses of the quickest way over a landing to the next flight, a drive or a turn apart; empty if there is none.
 
     Columns: place of the point from which the outline counts, from the landing's nosing, in F [m], and heading [rad].
 
     Args:
         width_m: Width of both flights.
         outline: Outline of the chair, with its distance from walls and edges.
-        start: Pose from which it turns; unset: as the belts have come on the landing, in the middle of the flight below.
-        up: Whether the next flight is the one above.
+        start: Pose from which it turns; unset: as it has come on the landing, in the middle of the flight that it has left.
+        off_m: Distance from the foot of the flight above at which a chair that goes down has left it; None: the chair goes up.
     """
     landing, mirrored = numbers_of(plan, width_m)
-    pose = np.array([outline.belts_rear_m, 0.0, 0.0]) if start is None else start * mirrored
-    goal = landing[[kernels.FOOT_X, kernels.FOOT_Y, kernels.TURN]] if up else np.zeros(3)
+    foot, up = landing[[kernels.FOOT_X, kernels.FOOT_Y, kernels.TURN]], off_m is None
+    first = np.array([outline.belts_rear_m, 0.0, 0.0])
+    if off_m is not None:
+        first = foot - off_m * np.array([math.cos(foot[2]), math.sin(foot[2]), 0.0])
+    pose, goal = first if start is None else start * mirrored, foot if up else np.zeros(3)
     lane_m = max(0.5 * width_m - outline.half_m, kernels.CELL_M)
     before_m = 0.0 if up else outline.belts_rear_m + FROM_EDGE_M
     return np.asarray(kernels.search(landing, outline.numbers, pose, goal, lane_m, before_m) * mirrored)
+
+
+def has_room(plan: FlightPlan, width_m: float, outline: Outline, way: Float[np.ndarray, "n 3"]) -> bool:
+    """Return whether a chair has room at each pose of a way."""
+    landing, mirrored = numbers_of(plan, width_m)
+    return all(kernels.is_free(landing, outline.numbers, *pose) for pose in way * mirrored)
 
 
 def free_start(plan: FlightPlan, width_m: float, outline: Outline, pose: Vector3) -> Vector3 | None:
@@ -100,14 +109,17 @@ def numbers_of(plan: FlightPlan, width_m: float) -> tuple[Float[np.ndarray, " 7"
     return landing, np.array([1.0, plan.side, plan.side])
 
 
-def least_landing_m(plan: FlightPlan, width_m: float, outline: Outline) -> float:
-    """Return the least side of a landing on which a chair turns [m]: its depth, and its width where that is less."""
+def least_landing_m(plan: FlightPlan, width_m: float, outline: Outline, off_m: float | None = None) -> float:
+    """Return the least side of a landing on which a chair turns [m]: its depth, and its width where that is less.
+
+    Arguments as of ``way_over``.
+    """
 
     def turns(side_m: float) -> bool:
         wider_m = max(side_m - (plan.left_m - plan.right_m), 0.0) * plan.side
         sides = (plan.right_m + min(wider_m, 0.0), plan.left_m + max(wider_m, 0.0))
         larger = replace(plan, depth_m=side_m, right_m=sides[0], left_m=sides[1])
-        return len(way_over(larger, width_m, outline)) > 0
+        return len(way_over(larger, width_m, outline, off_m=off_m)) > 0
 
     low_m, high_m = width_m * abs(math.sin(plan.turn_rad)), MOST_M
     while high_m - low_m > WITHIN_M:
