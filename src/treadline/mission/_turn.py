@@ -23,15 +23,15 @@ from treadline.mission._over_the_end import is_clear
 from treadline.mission._situation import Situation, TurnCommand
 from treadline.mission.mission_config import KnownLandings
 from treadline.vehicle.flight_plan import FlightPlan
-from treadline.vehicle.landing_turn import CLEAR_M, OFF_PLAN_M, Outline, free_start, has_room, way_over
+from treadline.vehicle.landing_turn import CLEAR_M, OFF_PLAN_M, Outline, has_room, way_over
 from treadline.vehicle.landing_turn_kernels import DRIVE_M, HEADING_RAD
 from treadline.vehicle.loading import plumb
 
 TURN_RAD_S = 15.0 * DEG
 """Largest turn rate on a landing [rad/s]: below 20 °/s, which is comfortable for a passenger."""
-NEXT_POSES, LEAST_S = 2, 0.33
+NEXT_POSES, LEAST_S = 3, 0.33
 """Number of poses ahead on the way to which the chair drives and turns at the same time, and least time in which it would be there
-[s], the time constant of its stop: twice that of the belts."""
+[s], the time constant of its stop: twice that of the belts. Half of it overshoots by 5°, half as much again takes 4 s longer."""
 AT_END_RAD = 1.0 * DEG
 """Angle from the last pose of the way at which the chair has turned [rad]: that of a chair square to a flight."""
 REPLANS_S = 1.0
@@ -126,9 +126,7 @@ class Turner:
             return None
         down_m = None if now.is_up else now.config.chair.off_m
         for clear_m in (CLEAR_M + OFF_PLAN_M, CLEAR_M):
-            wider = outline.wider(clear_m)
-            start = free_start(landing, width_m, wider, place.centre)
-            way = np.empty((0, 3)) if start is None else way_over(landing, width_m, wider, start, off_m=down_m)
+            way = way_over(landing, width_m, outline.wider(clear_m), place.centre, off_m=down_m)
             if len(way):
                 self._way, self._at, self._searched_s = way, 0, now.t_s
                 return None

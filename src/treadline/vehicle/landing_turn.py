@@ -59,7 +59,7 @@ class Outline:
 
 
 def way_over(
-    plan: FlightPlan, width_m: float, outline: Outline, start: Vector3 | None = None, *, off_m: float | None = None
+    plan: FlightPlan, width_m: float, outline: Outline, near: Vector3 | None = None, *, off_m: float | None = None
 ) -> Float[np.ndarray, "n 3"]:
     """Return the poses of the quickest way over a landing to the next flight, a drive or a turn apart; empty if there is none.
 
@@ -68,18 +68,19 @@ def way_over(
     Args:
         width_m: Width of both flights.
         outline: Outline of the chair, with its distance from walls and edges.
-        start: Pose from which it turns; unset: as it has come on the landing, in the middle of the flight that it has left.
+        near: Pose of the chair, near which the way begins where it has room; unset: as the chair has come on the landing, in the
+            middle of the flight that it has left.
         off_m: Distance from the foot of the flight above at which a chair that goes down has left it; None: the chair goes up.
     """
     landing, mirrored = numbers_of(plan, width_m)
-    foot, up = landing[[kernels.FOOT_X, kernels.FOOT_Y, kernels.TURN]], off_m is None
-    first = np.array([outline.belts_rear_m, 0.0, 0.0])
+    foot, first = landing[[kernels.FOOT_X, kernels.FOOT_Y, kernels.TURN]], np.array([outline.belts_rear_m, 0.0, 0.0])
+    start, goal, before_m = first, foot, 0.0
     if off_m is not None:
-        first = foot - off_m * np.array([math.cos(foot[2]), math.sin(foot[2]), 0.0])
-    pose, goal = first if start is None else start * mirrored, foot if up else np.zeros(3)
+        start = foot - off_m * np.array([math.cos(foot[2]), math.sin(foot[2]), 0.0])
+        goal, before_m = np.zeros(3), outline.belts_rear_m + FROM_EDGE_M
+    start = start if near is None else _free_start(landing, outline, near * mirrored)
     lane_m = max(0.5 * width_m - outline.half_m, kernels.CELL_M)
-    before_m = 0.0 if up else outline.belts_rear_m + FROM_EDGE_M
-    return np.asarray(kernels.search(landing, outline.numbers, pose, goal, lane_m, before_m) * mirrored)
+    return np.asarray(kernels.search(landing, outline.numbers, start, goal, lane_m, before_m) * mirrored)
 
 
 def has_room(plan: FlightPlan, width_m: float, outline: Outline, way: Float[np.ndarray, "n 3"]) -> bool:
@@ -88,17 +89,16 @@ def has_room(plan: FlightPlan, width_m: float, outline: Outline, way: Float[np.n
     return all(kernels.is_free(landing, outline.numbers, *pose) for pose in way * mirrored)
 
 
-def free_start(plan: FlightPlan, width_m: float, outline: Outline, pose: Vector3) -> Vector3 | None:
-    """Return the pose nearest to a pose, at a heading of the search, from which a way can be searched; None if none is near."""
-    landing, mirrored = numbers_of(plan, width_m)
-    x, y, heading = pose * mirrored
+def _free_start(landing: Float[np.ndarray, " 7"], outline: Outline, pose: Vector3) -> Vector3:
+    """Return the nearest pose that is free, at a heading of the search; the pose itself if none is near."""
+    x, y, heading = pose
     step = landing[kernels.TURN] / round(landing[kernels.TURN] / kernels.HEADING_RAD)
     heading = step * round(heading / step)
     moves_m = np.arange(-NEAR_M, NEAR_M + 0.5 * kernels.CELL_M, kernels.CELL_M)
     for along_m, aside_m in sorted(((a, b) for a in moves_m for b in moves_m), key=lambda move: math.hypot(*move)):
         if kernels.is_free(landing, outline.numbers, x + along_m, y + aside_m, heading):
-            return np.array([x + along_m, y + aside_m, heading]) * mirrored
-    return None
+            return np.array([x + along_m, y + aside_m, heading])
+    return pose
 
 
 def numbers_of(plan: FlightPlan, width_m: float) -> tuple[Float[np.ndarray, " 7"], Vector3]:
