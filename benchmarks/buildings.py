@@ -251,7 +251,7 @@ def drawn_size(width_m: float, turn_deg: float, rng: np.random.Generator, *, up:
     flights = [{"steps": 4}, {"steps": 4, "turn_deg": turn_deg, "landing_depth_m": width_m, "landing_width_m": across_m}]
     given = scenario_of({"stair": {"width_m": width_m}, "flight": flights}, Path("buildings.toml"), where="landing")
     chair, plan = given.read_chair(), as_designed(given.stair).plans[0]
-    least_m = least_landing_m(plan, width_m, outline_of(chair).wider(CLEAR_M + OFF_PLAN_M), None if up else chair.off_m)
+    least_m = least_landing_m(plan, width_m, outline_of(chair).wider(CLEAR_M + OFF_PLAN_M), None if up else chair.reach_m)
     side_m = rng.uniform(least_m + 0.1, max(least_m + 0.1, 2.2))
     return {"landing_depth_m": max(side_m, width_m), "landing_width_m": max(side_m, across_m)}
 

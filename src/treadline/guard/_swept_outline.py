@@ -52,8 +52,7 @@ class SweptOutline(Monitor):
                     self._begin()
             case FreeGround() if is_turning and (exposed := self._past.at(message.t_s)) is not None:
                 ends = [_placed((x, y), exposed) for x, y, _ in message.sides_B]
-                if ends or message.seen_m > message.blind_m:
-                    self._seen_s = message.t_s
+                self._seen_s = message.t_s if ends or message.seen_m > message.blind_m else self._seen_s
                 for side in zip(ends[::2], ends[1::2], strict=True):
                     self._sides = [*(kept for kept in self._sides if not _is_same(kept, side)), side]
 

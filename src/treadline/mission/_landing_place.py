@@ -53,11 +53,6 @@ class LandingPlace:
         self._recent: Recent[Vector3] = Recent()
 
     @property
-    def heading_rad(self) -> float:
-        """Heading."""
-        return float(self._state[2])
-
-    @property
     def centre_m(self) -> float:
         """Distance of the centre of turns ahead of mid-track."""
         return float(self._state[3])

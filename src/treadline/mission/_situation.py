@@ -223,7 +223,7 @@ class Situation:
     @property
     def is_off(self) -> bool:
         """Whether the flipper's tip of a chair that goes down has left the last nosing."""
-        return self.before_m < -self.config.chair.rear_m - self.config.chair.off_m
+        return self.before_m < -self.bears_m - self.config.chair.tracks.approach_m
 
     @property
     def still(self) -> MotionPlan:

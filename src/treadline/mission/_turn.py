@@ -98,13 +98,13 @@ class Turner:
         self._is_folded = True
         goal_rad = landing.turn_rad if now.is_up else 0.0
         if len(self._way) and self._at == len(self._way) - 1:
-            return self._at_the_end(now, replace(command, flipper_rad=rest_rad(now)), wrap(place.heading_rad - goal_rad))
+            return self._at_the_end(now, replace(command, flipper_rad=rest_rad(now)), wrap(place.centre[2] - goal_rad))
         self._barred = self._plan(now, landing, place) or self._barred
         if self._barred or not len(self._way):
             return replace(command, barred=self._barred)
         self._advance(place.centre)
         x, y, heading = self._way[min(self._at + NEXT_POSES, len(self._way) - 1)] - place.centre
-        along_m = x * math.cos(place.heading_rad) + y * math.sin(place.heading_rad)
+        along_m = x * math.cos(place.centre[2]) + y * math.sin(place.centre[2])
         within_s = max(abs(along_m) / SLOW_M_S, abs(heading) / TURN_RAD_S, LEAST_S)
         return replace(command, speed_m_s=along_m / within_s, rate_rad_s=heading / within_s)
 
@@ -124,7 +124,7 @@ class Turner:
         keeps = off_m < OFF_PLAN_M and has_room(landing, width_m, outline.wider(CLEAR_M), self._way[self._at :])
         if keeps or now.t_s - self._searched_s < REPLANS_S:
             return None
-        down_m = None if now.is_up else now.config.chair.off_m
+        down_m = None if now.is_up else now.config.chair.reach_m
         for clear_m in (CLEAR_M + OFF_PLAN_M, CLEAR_M):
             way = way_over(landing, width_m, outline.wider(clear_m), place.centre, off_m=down_m)
             if len(way):

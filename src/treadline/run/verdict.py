@@ -390,7 +390,7 @@ def _winders(stair: Stair, tracks: Tracks) -> str | None:
 
 def _landings(scenario: Scenario, chair: ChairDescription) -> str | None:
     """Return which landing is too small for the chair, or has sides that the camera does not measure."""
-    staircase, off_m = as_designed(scenario.stair), None if scenario.drive.direction == "up" else chair.off_m
+    staircase, off_m = as_designed(scenario.stair), None if scenario.drive.direction == "up" else chair.reach_m
     if staircase.winders is not None:
         return None
     outline = outline_of(chair).wider(CLEAR_M + OFF_PLAN_M)

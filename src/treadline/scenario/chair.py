@@ -496,13 +496,8 @@ class ChairDescription(Settings):
     def reach_m(self) -> float:
         """Distance from mid-track to the foremost part of the tracks [m]: nose, or tip of a flipper in line with the belts."""
         tracks = self.tracks
-        end_m = self.nose_m[0] if self.flipper is None else self.off_m
+        end_m = self.nose_m[0] if self.flipper is None else 0.5 * tracks.flat_run_m + tracks.approach_m
         return max(end_m + (tracks.nose_radius_m or tracks.pulley_radius_m), *(section.reach_m(1.0) for section in self.belt), 0.0)
-
-    @property
-    def off_m(self) -> float:
-        """Distance from mid-track to the axis at the tip of a flipper in line with the belts, the last to leave a flight [m]."""
-        return 0.5 * self.tracks.flat_run_m + self.tracks.approach_m
 
     @property
     def rear_m(self) -> float:
