@@ -1,9 +1,10 @@
-"""Stairs and conditions of real buildings: single deviations, and the ``buildings`` sweep, each run judged by its ending.
+"""Stairs and conditions of real buildings: single deviations, the ``buildings`` sweep, and stairs that turn, each run judged.
 
 Run: ``python benchmarks/buildings.py [--seeds N] [--only WORDS] [--workers N]`` for single deviations: one scenario each, run with
 the statistical camera (fifteen minutes of CPU). Every run is a whole traversal of a 28° flight with a payload of 50 kg and friction
 0.62/0.5, unless the row says otherwise. ``python benchmarks/buildings.py --sweep FOLDER`` judges the runs of
-``treadline sweep buildings --out FOLDER``.
+``treadline sweep buildings --out FOLDER``. ``python benchmarks/buildings.py --turned N --seed SEED`` draws N buildings of two and
+three flights with quarter and half landings, up and down alternately, and runs each with the statistical camera.
 
 A run ends rightly if it arrived, or was refused, set back or held, without a rough moment, for a reason that its scenario bears
 out: a dimension beyond the stated range that ``REASONS`` joins to the cause.
@@ -11,23 +12,31 @@ out: a dimension beyond the stated range that ``REASONS`` joins to the cause.
 
 import argparse
 import csv
+import math
 import re
 import sys
+import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
-from itertools import product
+from itertools import pairwise, product, repeat
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from tables import markdown
 
 from treadline.campaign._results import clopper_pearson
+from treadline.core.angles import DEG
 from treadline.core.processes import default_workers
-from treadline.run.episode import traverse
+from treadline.core.step_sizes import TURN_CLEAR_M
+from treadline.run.episode import Traverse, traverse
 from treadline.scenario.scenario import Scenario, read_scenario, scenario_of
 from treadline.scenario.shipped_files import shipped_controller
+from treadline.vehicle.landing_turn import OFF_PLAN_M, landing_of, least_landing_m
+from treadline.vehicle.landing_turn_kernels import Outline, is_free
 from treadline.vehicle.staircase import as_designed
+from treadline.vehicle.start_checks import crossing_flights, outline_of
 
 RISE_M = 0.1595128
 """Rise of the nominal step [m]: 28° with a run of 0.30 m."""
@@ -197,6 +206,131 @@ def shares(counts: Mapping[str, Counter[str]]) -> Iterator[str]:
         yield f"| {group} | {total} | {arrived} | {low:.1%} to {high:.1%} | {ends} | {right} |"
 
 
+def turned_building(number: int, seed: int) -> Scenario:
+    """Draw a stair of two or three flights of four to six steps with quarter and half landings, even numbers up, odd ones down.
+
+    Each landing is 0.1 m above the least that ``check`` prints, to 2.2 m. One riser of each flight is up to 10 mm off.
+    """
+    rng = np.random.default_rng((seed, number))
+    while True:
+        scenario = turned_draw(rng, up=number % 2 == 0)
+        if crossing_flights(as_designed(scenario.stair)) is None:
+            return scenario
+
+
+def turned_draw(rng: np.random.Generator, *, up: bool) -> Scenario:
+    """Draw one stair; its flights may cross."""
+    slope_deg, width_m = rng.uniform(20.0, 31.0), rng.uniform(1.1, 1.6)
+    run_m = rng.uniform(0.25, 0.32)
+    grip = rng.uniform(1.2 * math.tan(slope_deg * DEG), 1.0)
+    payload_kg = rng.uniform(0.0, 110.0 if slope_deg < 26.0 else 80.0)
+    flights: list[dict[str, Any]] = [{"steps": int(rng.integers(4, 7))}]
+    for _ in range(rng.integers(1, 3)):
+        turn_deg = float(rng.choice([-180.0, -90.0, 90.0, 180.0]))
+        walls = [side for side in ("left", "right", "far") if rng.random() < 0.5]
+        landing = {"turn_deg": turn_deg, "landing_walls": walls, "steps": int(rng.integers(4, 7))}
+        flights.append(landing | drawn_size(width_m, turn_deg, rng, up=up))
+    rises, ends = math.tan(slope_deg * DEG) * run_m, np.cumsum([flight["steps"] for flight in flights]).tolist()
+    off = [
+        (int(rng.integers(end - flight["steps"], end)), rng.uniform(-0.01, 0.01)) for end, flight in zip(ends, flights, strict=True)
+    ]
+    tables = {
+        "stair": {"run_m": run_m, "rise_m": rises, "width_m": width_m, "landing_m": 3.0, "friction": [grip, 0.806 * grip]},
+        "flight": flights,
+        "step": [{"index": index, "rise_m": rises + more_m} for index, more_m in off],
+        "start": {"place": "floor" if up else "landing"},
+        "drive": {"direction": "up" if up else "down", "duration_s": 300},
+        "chair": {"payload_kg": payload_kg},
+        "sensors": {"model": "statistical"},
+    }
+    return scenario_of(tables, Path("buildings.toml"), where="turned")
+
+
+def drawn_size(width_m: float, turn_deg: float, rng: np.random.Generator, *, up: bool) -> dict[str, float]:
+    """Draw depth and width of a landing."""
+    across_m = width_m * (2.0 if abs(turn_deg) > 90.0 else 1.0)
+    flights = [{"steps": 4}, {"steps": 4, "turn_deg": turn_deg, "landing_depth_m": width_m, "landing_width_m": across_m}]
+    given = scenario_of({"stair": {"width_m": width_m}, "flight": flights}, Path("buildings.toml"), where="landing")
+    chair, plan = given.read_chair(), as_designed(given.stair).plans[0]
+    least_m = least_landing_m(plan, width_m, outline_of(chair).wider(TURN_CLEAR_M + OFF_PLAN_M), None if up else chair.reach_m)
+    side_m = rng.uniform(least_m + 0.1, max(least_m + 0.1, 2.2))
+    return {"landing_depth_m": max(side_m, width_m), "landing_width_m": max(side_m, across_m)}
+
+
+def turned_run(number: int, seed: int) -> dict[str, Any]:
+    """Return what became of one drawn building: verdict, time and rate of each turn, and time of belts over an edge."""
+    scenario, began_s = turned_building(number, seed), time.process_time()
+    result = traverse(scenario, controller=shipped_controller("wheelchair"), seed=number, after_hold_s=HELD_S)
+    turns = [abs(flight.turn_deg) for flight in scenario.flight[1:]]
+    phases = [*result.phases, (math.inf, "")]
+    spans = [(begin, end) for (begin, name), (end, _) in pairwise(phases) if name == "turn" and end < math.inf]
+    t_s, rate = result.trace["t_s"], np.gradient(np.unwrap(result.trace["yaw_rad"]), result.trace["t_s"]) / DEG
+    return {
+        "number": number,
+        "way": f"{scenario.drive.direction}, {' and '.join(f'{turn:.0f}°' for turn in turns)}",
+        "verdict": result.verdict,
+        "cause": result.cause or "",
+        "at": phases[-2][1],
+        "turns": list(
+            zip(turns if scenario.drive.direction == "up" else turns[::-1], (end - begin for begin, end in spans), strict=False)
+        ),
+        "said": [event.cause for event in result.events if "off its plan" in (event.cause or "")],
+        "deg_s": max((float(np.abs(rate[(t_s > begin) & (t_s < end)]).max()) for begin, end in spans), default=0.0),
+        "over_s": over_an_edge_s(scenario, result),
+        "cpu_s": time.process_time() - began_s,
+    }
+
+
+def over_an_edge_s(scenario: Scenario, result: Traverse) -> float:
+    """Return for how long a belt was beyond an edge of a landing on which the chair turned and found the next flight [s]."""
+    staircase, tracks = as_designed(scenario.stair, scenario.step), scenario.read_chair().tracks
+    half_run_m, half_m = 0.5 * tracks.flat_run_m, 0.5 * (tracks.gauge_m + tracks.belt_width_m)
+    belts = Outline(
+        rear_m=half_run_m, front_m=half_run_m, half_m=half_m, belts_rear_m=half_run_m, belts_front_m=half_run_m, half_belts_m=half_m
+    )
+    x_m, y_m, yaw, t_s = (result.trace[name] for name in ("chassis_x_m", "chassis_y_m", "yaw_rad", "t_s"))
+    count, turned, over = len(staircase.plans) - 1, 0, 0
+    for (begin_s, phase), (end_s, _) in zip(result.phases, [*result.phases[1:], (math.inf, "")], strict=True):
+        turned += phase == "turn"
+        if not turned or phase not in ("turn", "search", "align"):
+            continue
+        number = turned - 1 if scenario.drive.direction == "up" else count - turned
+        (R_WF, p_WF), plan = staircase.flight_frame(number), staircase.plans[number]
+        (landing, mirrored), at = landing_of(plan, staircase.width_m), (t_s >= begin_s) & (t_s < end_s)
+        places = (np.column_stack([x_m[at], y_m[at], np.zeros(at.sum())]) - p_WF) @ R_WF - staircase.flights[number][-1].nosing_F
+        headings = yaw[at] - math.atan2(R_WF[1, 0], R_WF[0, 0])
+        poses = np.column_stack([places[:, :2], headings]) * mirrored
+        over += sum(not is_free(landing, belts, *pose) for pose in poses)
+    return over * float(t_s[1] - t_s[0])
+
+
+def turned_table(rows: list[dict[str, Any]]) -> None:
+    """Print the verdicts of drawn buildings by their way, the figures of their turns, and the causes of all that did not arrive."""
+    groups: dict[str, list[dict[str, Any]]] = defaultdict(list)
+    for row in rows:
+        for group in ("all", row["way"].split(",")[0]):
+            groups[group].append(row)
+    heads = (
+        "| direction | draws | arrived | rough | refused | held | fell | belts over an edge | quarter turn s | half turn s | °/s |"
+    )
+    markdown(heads, (turned_line(group, groups[group]) for group in sorted(groups)))
+    failed = [row for row in rows if row["verdict"] != "arrived" or row["over_s"]]
+    lines = (
+        f"| {row['number']} | {row['way']} | {row['verdict']} | {row['at']} | {row['over_s']:.2f} | {row['cause']} |"
+        for row in failed
+    )
+    markdown("| draw | way | verdict | in | belts over s | cause |", lines)
+
+
+def turned_line(group: str, rows: list[dict[str, Any]]) -> str:
+    """Return the row of one direction."""
+    count, over = Counter(row["verdict"] for row in rows), sum(row["over_s"] > 0.0 for row in rows)
+    times = [sorted(took_s for row in rows for turn, took_s in row["turns"] if turn == by) or [math.nan] for by in (90.0, 180.0)]
+    spans = " | ".join(f"{took[0]:.1f}–{took[-1]:.1f}, median {float(np.median(took)):.1f}" for took in times)
+    ends = " | ".join(str(count[name]) for name in ("arrived", "arrived_rough", "refused", "held", "fell"))
+    return f"| {group} | {len(rows)} | {ends} | {over} | {spans} | {max(row['deg_s'] for row in rows):.1f} |"
+
+
 def run(name: str, seed: int) -> dict[str, Any]:
     """Return verdict and scores of one run."""
     scenario = scenario_of(CASES[name], Path("buildings.toml"), where=name)
@@ -229,13 +363,23 @@ def _span(values: list[float]) -> str:
 
 
 def main() -> None:
-    """Print the table of the single deviations, or the judgement of a sweep."""
+    """Print the table of the single deviations, of drawn buildings that turn, or the judgement of a sweep."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=3, help="runs of each condition, seeds from 0")
     parser.add_argument("--only", nargs="*", default=[""], help="conditions whose name contains one of these words")
     parser.add_argument("--workers", type=int, default=default_workers(), help="processes")
     parser.add_argument("--sweep", type=Path, help="folder of a sweep of buildings, which is judged instead")
+    parser.add_argument("--turned", type=int, help="number of buildings with turns, which are drawn instead")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the drawn buildings")
     arguments = parser.parse_args()
+    if arguments.turned is not None:
+        rows = []
+        with ProcessPoolExecutor(arguments.workers) as pool:
+            for row in pool.map(turned_run, range(arguments.turned), repeat(arguments.seed)):
+                rows.append(row)
+                sys.stderr.write(f"{row}\n")
+        turned_table(rows)
+        return
     if arguments.sweep is not None:
         judge(arguments.sweep)
         return

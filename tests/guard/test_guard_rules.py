@@ -288,7 +288,7 @@ CASES = [
         2.9,
         EVER,
         3.0,
-        "no side of the landing in view for 3.0",
+        "neither ground nor a side of the landing in view for 3.0",
         brakes=True,
         give_s=0.12,
         begin=between_sides,

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -26,15 +27,11 @@ from treadline.vehicle.loading import Loading
 from treadline.vehicle.staircase import as_designed
 
 FRAME_TICKS, LAG_S = 10, 0.15
+WALLS = ("far", "left", "right")
 
 
-def scenario(direction: str, turn_deg: float, side_m: float, across_m: float) -> Scenario:
-    landing = {
-        "turn_deg": turn_deg,
-        "landing_depth_m": side_m,
-        "landing_width_m": across_m,
-        "landing_walls": ["far", "left", "right"],
-    }
+def scenario(direction: str, turn_deg: float, side_m: float, across_m: float, walls: tuple[str, ...] = WALLS) -> Scenario:
+    landing = {"turn_deg": turn_deg, "landing_depth_m": side_m, "landing_width_m": across_m, "landing_walls": walls}
     return Scenario.model_validate(
         {
             "stair": {"slope_deg": 27, "width_m": 1.4, "landing_m": 3.0},
@@ -57,10 +54,24 @@ class Turned:
 
 
 def turned(
-    monkeypatch: pytest.MonkeyPatch, given: Scenario, *, centre_m: float = 0.17, aside_m: float = 0.04, off_rad: float = 2.0 * DEG
+    monkeypatch: pytest.MonkeyPatch,
+    given: Scenario,
+    *,
+    truth: Scenario | None = None,
+    centre_m: float = 0.17,
+    aside_m: float = 0.04,
+    off_rad: float = 2.0 * DEG,
+    drift_rad_s: float = 0.0,
+    spare_m: float = TURN_CLEAR_M - 0.02,
 ) -> Turned:
-    """Return the turn of a chair that has come onto the landing off its middle line and off its direction."""
-    staircase, chair = as_designed(given.stair), given.read_chair()
+    """Return the turn of a chair that has come onto the landing off its middle line and off its direction.
+
+    Args:
+        truth: The stair as it is, where the chair's plan of it is wrong.
+        drift_rad_s: Drift of the gyro from the start of the turn.
+        spare_m: Distance from walls and edges by which the chair's outline is judged.
+    """
+    staircase, chair = as_designed((truth or given).stair), given.read_chair()
     config = mission_config(given, shipped_controller("wheelchair"), chair=chair)
     known = config.landings
     assert known is not None
@@ -74,15 +85,16 @@ def turned(
     expected = pose.copy()
     monkeypatch.setattr(_turn, "pose_on", lambda *_: expected)
     pose += (0.0, aside_m, off_rad) if is_up else (*(aside_m * np.array([-up[1], up[0]])), off_rad)
-    outline, numbers, mirror = known.outline.wider(TURN_CLEAR_M - 0.02), *landing_of(plan, known.width_m)
+    outline, numbers, mirror = known.outline.wider(spare_m), *landing_of(staircase.plans[0], known.width_m)
     speed = rate = fastest = 0.0
     angle, was_free, goal = 40.0 * DEG, True, plan.turn_rad if is_up else 0.0
     for tick in range(6000):
         t_s = tick * TICK_S
         off = pose[2] - goal
         seen = abs(off) < 40.0 * DEG
+        source: Literal["vision", "gyro"] = "vision" if seen else "gyro"
         estimate = HeadingEstimate(
-            t_s=t_s, heading_rad=off if seen else 0.0, heading_rate_rad_s=rate, sigma_rad=0.01, source="vision" if seen else "gyro"
+            t_s=t_s, heading_rad=off if seen else 0.0, heading_rate_rad_s=rate + drift_rad_s, sigma_rad=0.01, source=source
         )
         now = Situation(
             way=WAYS[config.direction], config=config, loading=loading, stair=stair, t_s=t_s, stalled_s=0.0, from_m=0.0,
@@ -123,6 +135,24 @@ def test_a_chair_turns_on_a_quarter_landing_whatever_its_centre_of_turns(
 
 def test_a_chair_turns_by_half_a_turn_on_a_half_landing(monkeypatch: pytest.MonkeyPatch) -> None:
     assert has_turned(turned(monkeypatch, scenario("up", 180.0, 1.8, 3.0)).now)
+
+
+@pytest.mark.parametrize("direction", ["up", "down"])
+def test_no_part_of_the_chair_is_over_an_edge_that_is_nearer_than_in_the_plan(
+    direction: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Test: a landing with edges, 5 cm less deep and less wide than in the plan."""
+    given, truth = (scenario(direction, 90.0, side_m, side_m, walls=()) for side_m in (2.05, 2.0))
+    assert turned(monkeypatch, given, truth=truth, spare_m=0.0).was_free
+
+
+@pytest.mark.parametrize("drift_deg_s", [-1.0, 1.0])
+def test_sides_in_view_correct_a_gyro_that_drifts(drift_deg_s: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Test: 1 °/s from the start of the turn, some 10° in all. Expected: square within 5°, and nothing over an edge."""
+    found = turned(monkeypatch, scenario("up", 90.0, 2.0, 2.0), drift_rad_s=drift_deg_s * DEG, spare_m=0.0)
+    assert has_turned(found.now), found.now.turn
+    assert abs(found.off_rad) < 5.0 * DEG
+    assert found.was_free
 
 
 def test_a_landing_that_is_too_small_is_named_with_its_size(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -122,7 +122,7 @@ def test_check_says_which_landing_the_chair_needs() -> None:
 def test_from_the_flight_above_a_way_leads_back_to_the_one_below() -> None:
     plan, chair = landing(2.0, 2.6, 1.2, 90.0), outline(60.0, 0.09)
     start = np.array([1.5, 0.5, math.radians(90.0)])
-    way = way_over(plan, 1.2, chair, start, up=False)
+    way = way_over(plan, 1.2, chair, start, off_m=CHAIR.reach_m)
     assert way[-1, 2] == pytest.approx(0.0, abs=1e-9)
     assert abs(way[-1, 1]) <= 0.6 - chair.half_m + 0.02
     # The guard holds a chair that drives 0.34 m before an edge.

@@ -21,7 +21,7 @@ SAME_RAD, SAME_M = 10.0 * DEG, 0.10
 class SweptOutline(Monitor):
     """On a landing on which the chair turns, its outline comes too near to an edge or a wall seen in the turn, or none is in view.
 
-    Time: 5 cm before, by the newest sighting of each side, at once; without a side in view 3 s.
+    Time: 5 cm before, by the newest sighting of each side, at once; without a side or ground in view 3 s.
     Not covered: sides that were never in view, and slip that is not that of the assumed load.
     """
 
@@ -37,7 +37,7 @@ class SweptOutline(Monitor):
         self._past: Recent[Pose] = Recent()
         self._sides: list[tuple[Place, Place]] = []
         self._seen_s: float | None = None
-        """Time of the latest frame with a side in view, or at which the turn began."""
+        """Time of the latest frame with a side or ground in view, or at which the turn began."""
 
     def hear(self, message: Any, known: Known) -> None:
         """Update with an IMU sample, or with the sides in view of one frame."""
@@ -52,7 +52,7 @@ class SweptOutline(Monitor):
                     self._begin()
             case FreeGround() if is_turning and (exposed := self._past.at(message.t_s)) is not None:
                 ends = [_placed((x, y), exposed) for x, y, _ in message.sides_B]
-                self._seen_s = message.t_s if ends else self._seen_s
+                self._seen_s = message.t_s if ends or message.seen_m > message.blind_m else self._seen_s
                 for side in zip(ends[::2], ends[1::2], strict=True):
                     self._sides = [*(kept for kept in self._sides if not _is_same(kept, side)), side]
 
@@ -71,7 +71,7 @@ class SweptOutline(Monitor):
             return None
         self._seen_s = known.t_s if self._seen_s is None else self._seen_s
         if known.t_s - self._seen_s > self._config.blind_timeout_s:
-            return f"no side of the landing in view for {known.t_s - self._seen_s:.1f} s of a turn"
+            return f"neither ground nor a side of the landing in view for {known.t_s - self._seen_s:.1f} s of a turn"
         rear_m, front_m, half_m = (length_m + self._config.turn_clear_m for length_m in outline)
         for side in self._sides:
             ends = (_seen_from(side[0], self._pose), _seen_from(side[1], self._pose))

@@ -19,7 +19,8 @@ PLACE_SIGMA_M, ASIDE_SIGMA_M, HEADING_SIGMA_RAD, CENTRE_SIGMA_M = 0.03, 0.10, 2.
 """Standard deviations at the start of a turn: place along the flight, as of the follower of ways over its end; place aside, which
 is not tracked on a flight; heading; and centre of turns, by payloads of 20 to 110 kg [m, rad]."""
 SLIDES_M_RTS, TURNS_RAD_RTS, CENTRE_M_RTS = 0.01, 0.3 * DEG, 0.01
-"""Random walks in a second of motion: place and centre [m], and heading [rad]. Not varied yet."""
+"""Random walks in a second of motion: place and centre [m], and heading [rad]. Half of each and half as much again change a turn by
+0.1 s, 0.6 cm and 0.1° (docs/evidence/building-stairs.md)."""
 SIDE_SIGMA_M = 0.03
 """Standard deviation of the end of a side [m]: three times that of one frame, for frames share errors."""
 SAME_SIDE_M, SAME_RAD = 0.25, 15.0 * DEG
@@ -50,11 +51,6 @@ class LandingPlace:
         self._state = np.array([*pose, centre_m])
         self._P = np.diag([PLACE_SIGMA_M, ASIDE_SIGMA_M, HEADING_SIGMA_RAD, CENTRE_SIGMA_M]) ** 2
         self._recent: Recent[Vector3] = Recent()
-
-    @property
-    def heading_rad(self) -> float:
-        """Heading."""
-        return float(self._state[2])
 
     @property
     def centre_m(self) -> float:

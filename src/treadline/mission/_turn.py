@@ -1,7 +1,8 @@
 """State over a landing between two flights: fold the flipper, turn on a planned way, unfold; the turner that it commands.
 
 ``Situation, FreeGround -> TurnCommand``, ``-> observation that ends the state``, ``-> MotionPlan``. The way is searched for the
-centre of turns (``vehicle.landing_turn``), which follows it; it is searched again where the chair is off it, or the centre moves.
+centre of turns (``vehicle.landing_turn``), which follows it; it is searched again where the chair is off it, or, because the centre
+moves, has no room.
 """
 
 import math
@@ -23,15 +24,15 @@ from treadline.mission._over_the_end import is_clear
 from treadline.mission._situation import Situation, TurnCommand
 from treadline.mission.mission_config import KnownLandings
 from treadline.vehicle.flight_plan import FlightPlan
-from treadline.vehicle.landing_turn import OFF_PLAN_M, free_start, way_over
+from treadline.vehicle.landing_turn import OFF_PLAN_M, has_room, way_over
 from treadline.vehicle.landing_turn_kernels import DRIVE_M, HEADING_RAD, Outline
 from treadline.vehicle.loading import plumb
 
 TURN_RAD_S = 15.0 * DEG
-"""Largest turn rate on a landing [rad/s]: below 20 °/s, which is comfortable for a passenger, and 90° within 10 s."""
-NEXT_POSES, PER_S = 2, 3.0
-"""Number of poses ahead on the way to which the chair moves, and its rate per distance and angle to that pose [1/s]: at a drive of
-3 cm and a turn of 3° from pose to pose, below the largest speeds."""
+"""Largest turn rate on a landing [rad/s]: below 20 °/s, which is comfortable for a passenger."""
+NEXT_POSES, LEAST_S = 3, 0.33
+"""Number of poses ahead on the way to which the chair drives and turns at the same time, and least time in which it would be there
+[s], the time constant of its stop: twice that of the belts. Half of it overshoots by 5°, half as much again takes 4 s longer."""
 AT_END_RAD = 1.0 * DEG
 """Angle from the last pose of the way at which the chair has turned [rad]: that of a chair square to a flight."""
 REPLANS_S = 1.0
@@ -56,8 +57,8 @@ class Turner:
         self._way: Float[np.ndarray, "n 3"] = np.empty((0, 3))
         self._at = 0
         """Pose of the way that the chair has reached."""
-        self._planned = (-math.inf, math.nan)
-        """Time of the latest search, and the centre of turns by which it was made."""
+        self._searched_s = -math.inf
+        """Time of the latest search."""
         self._is_folded, self._barred = False, ""
         self._since_s = self._worst_m = 0.0
         """Time at which the turn began or ended, and largest distance from the way."""
@@ -89,7 +90,7 @@ class Turner:
         folded_rad = rest_rad(now) if flipper is None else flipper.range_deg[1] * DEG
         command = TurnCommand(speed_m_s=0.0, rate_rad_s=0.0, flipper_rad=folded_rad)
         if tracks is not None and tracks.brake_on:  # a person who re-arms the chair allows another try
-            self._planned, self._barred = (-math.inf, math.nan), ""
+            self._searched_s, self._way, self._barred = -math.inf, np.empty((0, 3)), ""
             return command
         if self._barred:
             return replace(command, barred=self._barred)
@@ -98,15 +99,15 @@ class Turner:
         self._is_folded = True
         goal_rad = landing.turn_rad if now.is_up else 0.0
         if len(self._way) and self._at == len(self._way) - 1:
-            return self._at_the_end(now, replace(command, flipper_rad=rest_rad(now)), wrap(place.heading_rad - goal_rad))
+            return self._at_the_end(now, replace(command, flipper_rad=rest_rad(now)), wrap(place.centre[2] - goal_rad))
         self._barred = self._plan(now, landing, place) or self._barred
         if self._barred or not len(self._way):
             return replace(command, barred=self._barred)
         self._advance(place.centre)
         x, y, heading = self._way[min(self._at + NEXT_POSES, len(self._way) - 1)] - place.centre
-        along_m = x * math.cos(place.heading_rad) + y * math.sin(place.heading_rad)
-        speed, rate = min(max(PER_S * along_m, -SLOW_M_S), SLOW_M_S), min(max(PER_S * heading, -TURN_RAD_S), TURN_RAD_S)
-        return replace(command, speed_m_s=speed, rate_rad_s=rate)
+        along_m = x * math.cos(place.centre[2]) + y * math.sin(place.centre[2])
+        within_s = max(abs(along_m) / SLOW_M_S, abs(heading) / TURN_RAD_S, LEAST_S)
+        return replace(command, speed_m_s=along_m / within_s, rate_rad_s=heading / within_s)
 
     def _at_the_end(self, now: Situation, command: TurnCommand, off_rad: float) -> TurnCommand:
         """Return the command of a chair that has turned: the next flight must come into view."""
@@ -116,21 +117,19 @@ class Turner:
         return replace(command, is_done=is_seen and is_rested, took_s=now.t_s - self._since_s, worst_m=self._worst_m)
 
     def _plan(self, now: Situation, landing: FlightPlan, place: LandingPlace) -> str | None:
-        """Search the way anew where the chair is off it; return why there is none."""
-        searched_s, centre_m = self._planned
+        """Search the way anew where the chair is off it, or what is left of it has no room; return why there is none."""
         off_m = float(np.hypot(*(self._way[:, :2] - place.centre[:2]).T).min()) if len(self._way) else math.inf
         if self._at:
             self._worst_m = max(self._worst_m, off_m)
-        keeps = off_m < OFF_PLAN_M and abs(place.centre_m - centre_m) < 0.5 * OFF_PLAN_M
-        if keeps or now.t_s - searched_s < REPLANS_S:
-            return None
         outline, width_m = self._outline.about(place.centre_m), self._width_m
+        keeps = off_m < OFF_PLAN_M and has_room(landing, width_m, outline.wider(TURN_CLEAR_M), self._way[self._at :])
+        if keeps or now.t_s - self._searched_s < REPLANS_S:
+            return None
+        down_m = None if now.is_up else now.config.chair.reach_m
         for clear_m in (TURN_CLEAR_M + OFF_PLAN_M, TURN_CLEAR_M):
-            wider = outline.wider(clear_m)
-            start = free_start(landing, width_m, wider, place.centre)
-            way = np.empty((0, 3)) if start is None else way_over(landing, width_m, wider, start, up=now.is_up)
+            way = way_over(landing, width_m, outline.wider(clear_m), place.centre, off_m=down_m)
             if len(way):
-                self._way, self._at, self._planned = way, 0, (now.t_s, place.centre_m)
+                self._way, self._at, self._searched_s = way, 0, now.t_s
                 return None
         return _no_room(landing, outline)
 

@@ -28,7 +28,7 @@ from treadline.vehicle.landing_turn import OFF_PLAN_M, least_landing_m, way_over
 from treadline.vehicle.linkage import SeatLinkage
 from treadline.vehicle.loading import Loading
 from treadline.vehicle.rest_poses import nosings_of, rest_chair
-from treadline.vehicle.staircase import Staircase, as_designed
+from treadline.vehicle.staircase import as_designed
 from treadline.vehicle.start_checks import HEADROOM_M, checked_start, crossing_flights, outline_of
 from treadline.vehicle.start_pose import length_m
 from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD, UNKNOWN_RAD, Margins, sideways_margins
@@ -166,7 +166,7 @@ def check(scenario: Scenario, chair: ChairDescription, mission: MissionConfig) -
             _no_seat_to_shift(scenario.chair, chair),
             _too_short_to_arrive(scenario, chair),
             _undetectable_steps(scenario, climb),
-            _landings(as_designed(stair), chair, scenario.sensors.camera_model),
+            _landings(scenario, chair),
             _winders(stair, chair.tracks),
             _turned_nosings(scenario),
             *start_problems,
@@ -388,8 +388,9 @@ def _winders(stair: Stair, tracks: Tracks) -> str | None:
     )
 
 
-def _landings(staircase: Staircase, chair: ChairDescription, camera: str) -> str | None:
+def _landings(scenario: Scenario, chair: ChairDescription) -> str | None:
     """Return which landing is too small for the chair, or has sides that the camera does not measure."""
+    staircase, off_m = as_designed(scenario.stair), None if scenario.drive.direction == "up" else chair.reach_m
     if staircase.winders is not None:
         return None
     outline = outline_of(chair).wider(TURN_CLEAR_M + OFF_PLAN_M)
@@ -402,10 +403,10 @@ def _landings(staircase: Staircase, chair: ChairDescription, camera: str) -> str
                 return f"{between}, the chair needs {needed_m:.2f} m; take another way"
             continue
         by = f"by {abs(plan.turn_rad) / DEG:.0f}°"
-        if not len(way_over(plan, staircase.width_m, outline)):
-            needed_m = 0.01 * math.ceil(100.0 * least_landing_m(plan, staircase.width_m, outline))
+        if not len(way_over(plan, staircase.width_m, outline, off_m=off_m)):
+            needed_m = 0.01 * math.ceil(100.0 * least_landing_m(plan, staircase.width_m, outline, off_m))
             return f"{where} is {own_m:.2f} m, this chair needs {needed_m:.2f} m to turn {by}; take another way"
-        if camera != "statistical":
+        if scenario.sensors.camera_model != "statistical":
             return f"the stair turns {by} on {where}, whose sides no rendered camera measures; sensors.model = 'statistical' does"
     return None
 

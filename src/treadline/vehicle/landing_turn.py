@@ -28,38 +28,47 @@ MOST_M = 3.0
 
 
 def way_over(
-    plan: FlightPlan, width_m: float, outline: Outline, start: Vector3 | None = None, *, up: bool = True
+    plan: FlightPlan, width_m: float, outline: Outline, near: Vector3 | None = None, *, off_m: float | None = None
 ) -> Float[np.ndarray, "n 3"]:
-    """Return the poses of the shortest way over a landing to the next flight, a drive or a turn apart; empty if there is none.
+    """Return the poses of the quickest way over a landing to the next flight, a drive or a turn apart; empty if there is none.
 
     Columns: place of the point from which the outline counts, from the landing's nosing, in F [m], and heading [rad].
 
     Args:
         width_m: Width of both flights.
         outline: Outline of the chair, with its distance from walls and edges.
-        start: Pose from which it turns; unset: as the belts have come on the landing, in the middle of the flight below.
-        up: Whether the next flight is the one above.
+        near: Pose of the chair, near which the way begins where it has room; unset: as the chair has come on the landing, in the
+            middle of the flight that it has left.
+        off_m: Distance from the foot of the flight above at which a chair that goes down has left it; None: the chair goes up.
     """
     landing, mirrored = landing_of(plan, width_m)
-    pose = np.array([outline.belts_rear_m, 0.0, 0.0]) if start is None else start * mirrored
-    goal = np.array([landing.foot_x, landing.foot_y, landing.turn]) if up else np.zeros(3)
+    foot, first = np.array([landing.foot_x, landing.foot_y, landing.turn]), np.array([outline.belts_rear_m, 0.0, 0.0])
+    start, goal, before_m = first, foot, 0.0
+    if off_m is not None:
+        start = foot - off_m * np.array([math.cos(foot[2]), math.sin(foot[2]), 0.0])
+        # The guard holds a chair that enters no flight yet at this distance from the edge.
+        goal, before_m = np.zeros(3), outline.belts_rear_m + OBSTACLE_CLEAR_M
+    start = start if near is None else _free_start(landing, outline, near * mirrored)
     lane_m = max(0.5 * width_m - outline.half_m, kernels.CELL_M)
-    # The guard holds a chair that enters no flight yet at this distance from the edge.
-    before_m = 0.0 if up else outline.belts_rear_m + OBSTACLE_CLEAR_M
-    return np.asarray(kernels.search(landing, outline, pose, goal, lane_m, before_m) * mirrored)
+    return np.asarray(kernels.search(landing, outline, start, goal, lane_m, before_m) * mirrored)
 
 
-def free_start(plan: FlightPlan, width_m: float, outline: Outline, pose: Vector3) -> Vector3 | None:
-    """Return the pose nearest to a pose, at a heading of the search, from which a way can be searched; None if none is near."""
+def has_room(plan: FlightPlan, width_m: float, outline: Outline, way: Float[np.ndarray, "n 3"]) -> bool:
+    """Return whether a chair has room at each pose of a way."""
     landing, mirrored = landing_of(plan, width_m)
-    x, y, heading = pose * mirrored
+    return all(kernels.is_free(landing, outline, *pose) for pose in way * mirrored)
+
+
+def _free_start(landing: Landing, outline: Outline, pose: Vector3) -> Vector3:
+    """Return the nearest pose that is free, at a heading of the search; the pose itself if none is near."""
+    x, y, heading = pose
     step = landing.turn / round(landing.turn / kernels.HEADING_RAD)
     heading = step * round(heading / step)
     moves_m = np.arange(-NEAR_M, NEAR_M + 0.5 * kernels.CELL_M, kernels.CELL_M)
     for along_m, aside_m in sorted(((a, b) for a in moves_m for b in moves_m), key=lambda move: math.hypot(*move)):
         if kernels.is_free(landing, outline, x + along_m, y + aside_m, heading):
-            return np.array([x + along_m, y + aside_m, heading]) * mirrored
-    return None
+            return np.array([x + along_m, y + aside_m, heading])
+    return pose
 
 
 def landing_of(plan: FlightPlan, width_m: float) -> tuple[Landing, Vector3]:
@@ -71,14 +80,17 @@ def landing_of(plan: FlightPlan, width_m: float) -> tuple[Landing, Vector3]:
     return landing, np.array([1.0, plan.side, plan.side])
 
 
-def least_landing_m(plan: FlightPlan, width_m: float, outline: Outline) -> float:
-    """Return the least side of a landing on which a chair turns [m]: its depth, and its width where that is less."""
+def least_landing_m(plan: FlightPlan, width_m: float, outline: Outline, off_m: float | None = None) -> float:
+    """Return the least side of a landing on which a chair turns [m]: its depth, and its width where that is less.
+
+    Arguments as of ``way_over``.
+    """
 
     def turns(side_m: float) -> bool:
         wider_m = max(side_m - (plan.left_m - plan.right_m), 0.0) * plan.side
         sides = (plan.right_m + min(wider_m, 0.0), plan.left_m + max(wider_m, 0.0))
         larger = replace(plan, depth_m=side_m, right_m=sides[0], left_m=sides[1])
-        return len(way_over(larger, width_m, outline)) > 0
+        return len(way_over(larger, width_m, outline, off_m=off_m)) > 0
 
     low_m, high_m = width_m * abs(math.sin(plan.turn_rad)), MOST_M
     while high_m - low_m > WITHIN_M:

@@ -1,9 +1,10 @@
-"""Compiled search of ``landing_turn``: drives and turns on a landing, breadth first over cells of place and heading.
+"""Compiled search of ``landing_turn``: the quickest drives and turns on a landing, A* over cells of place and heading.
 
-Each cell keeps the exact pose in which it was reached first (as hybrid A*, Dolgov et al., 2008), so that drives are straight. The
+Each cell keeps the exact pose in which it was reached soonest (as hybrid A*, Dolgov et al., 2008), so that drives are straight. The
 search knows turns to the left; places are in the frame of the flight below, from its landing's nosing.
 """
 
+import heapq
 import math
 from typing import Any, NamedTuple
 
@@ -11,10 +12,13 @@ import numpy as np
 
 from treadline.core.kernel_cache import njit
 
-CELL_M, HEADING_RAD = 0.02, math.radians(3.0)
+CELL_M, HEADING_RAD = 0.01, math.radians(3.0)
 """Size of a cell: between two headings the corner of a chair of 1.5 m moves 0.3 mm further out than at either."""
-DRIVE_M = 1.5 * CELL_M
+DRIVE_M = 3.0 * CELL_M
 """Length of one drive [m]: it leaves its cell in every direction."""
+DRIVE_COST, TURN_COST, REVERSAL_COST = 3, 2, 7
+"""Times of a drive and of a turn at 0.1 m/s and 15 °/s, and of a reversal of either, a stop and a start with a time constant of
+0.33 s each [0.1 s]. The chair drives and turns at the same time: a turn that follows a drive takes none."""
 BEYOND = 10
 """Number of headings before the first and beyond the last [-]: a chair shifts aside by turning back and forth by 30°."""
 
@@ -84,7 +88,7 @@ def is_free(landing: Landing, outline: Outline, x: float, y: float, heading: flo
 
 @njit(cache=True)
 def search(landing: Landing, outline: Outline, start: Any, goal: Any, lane_m: float, before_m: float) -> Any:
-    """Return the poses of the shortest way from a start to the lane and the direction of a flight, one row each; empty if none.
+    """Return the poses of the quickest way from a start to the lane and the direction of a flight, one row each; empty if none.
 
     Args:
         landing: Landing.
@@ -99,41 +103,51 @@ def search(landing: Landing, outline: Outline, start: Any, goal: Any, lane_m: fl
     step = turn / (last - BEYOND)
     ends = BEYOND + int(round(goal[2] / step))
     columns, rows = int(landing.depth / CELL_M) + 2, int((landing.left - landing.right) / CELL_M) + 2
-    came = np.full((last + BEYOND + 1) * columns * rows, -2, dtype=np.int32)
-    poses = np.empty((len(came), 3))
-    queue = np.empty(len(came), dtype=np.int32)
-    head, tail = 0, 0
-    x, y, number = start[0], start[1], BEYOND + int(round(start[2] / step))
-    before = -1
-    while True:
+    number = BEYOND + int(round(start[2] / step))
+    if not is_free(landing, outline, start[0], start[1], (number - BEYOND) * step):
+        return np.empty((0, 3))
+    count = (last + BEYOND + 1) * columns * rows
+    came, spent = np.full(count, -1, dtype=np.int32), np.full(count, 1 << 30, dtype=np.int32)
+    signs, closed = np.zeros((count, 3), dtype=np.int8), np.zeros(count, dtype=np.bool_)
+    poses = np.empty((count, 3))
+    cell = (number * columns + int(start[0] / CELL_M)) * rows + int((start[1] - landing.right) / CELL_M)
+    spent[cell], poses[cell] = 0, (start[0], start[1], (number - BEYOND) * step)
+    queue = [(0, cell)]
+    while queue:
+        cell = heapq.heappop(queue)[1]
+        if closed[cell]:
+            continue
+        closed[cell] = True
+        number = cell // (columns * rows)
+        if _cost_left(poses[cell], goal, abs(number - ends), lane_m, before_m) == 0:
+            return _way(cell, came, poses)
         for move in range(4):
-            if before < 0:
-                if move:
-                    break
-            else:
-                x, y, number = poses[before, 0], poses[before, 1], before // (columns * rows)
-                if move < 2:
-                    number += 2 * move - 1
-                else:
-                    drive = DRIVE_M * (2 * move - 5)
-                    x += drive * math.cos(poses[before, 2])
-                    y += drive * math.sin(poses[before, 2])
-            if number < 0 or number > last + BEYOND or not is_free(landing, outline, x, y, (number - BEYOND) * step):
+            kind, sign = move // 2, 2 * (move % 2) - 1
+            to, drive_m = number + kind * sign, (1 - kind) * sign * DRIVE_M
+            x, y = poses[cell, 0] + drive_m * math.cos(poses[cell, 2]), poses[cell, 1] + drive_m * math.sin(poses[cell, 2])
+            if to < 0 or to > last + BEYOND or not is_free(landing, outline, x, y, (to - BEYOND) * step):
                 continue
-            cell = (number * columns + int(x / CELL_M)) * rows + int((y - landing.right) / CELL_M)
-            if came[cell] != -2:
+            reached = (to * columns + int(x / CELL_M)) * rows + int((y - landing.right) / CELL_M)
+            reverses = sign * signs[cell, kind] < 0
+            takes = DRIVE_COST if not kind else 0 if signs[cell, 2] else TURN_COST
+            cost = spent[cell] + takes + reverses * REVERSAL_COST
+            if closed[reached] or cost >= spent[reached]:
                 continue
-            came[cell], queue[tail] = before, cell
-            poses[cell, 0], poses[cell, 1], poses[cell, 2] = x, y, (number - BEYOND) * step
-            tail += 1
-            aside = (y - goal[1]) * math.cos(goal[2]) - (x - goal[0]) * math.sin(goal[2])
-            along = (x - goal[0]) * math.cos(goal[2]) + (y - goal[1]) * math.sin(goal[2])
-            if number == ends and abs(aside) <= lane_m and abs(along) >= before_m:
-                return _way(cell, came, poses)
-        if head == tail:
-            return np.empty((0, 3))
-        before = queue[head]
-        head += 1
+            came[reached], spent[reached], poses[reached] = cell, cost, (x, y, (to - BEYOND) * step)
+            signs[reached] = signs[cell]
+            signs[reached, kind], signs[reached, 2] = sign, 1 - kind
+            heapq.heappush(queue, (cost + _cost_left(poses[reached], goal, abs(to - ends), lane_m, before_m), reached))
+    return np.empty((0, 3))
+
+
+@njit(cache=True)
+def _cost_left(pose: Any, goal: Any, turns: int, lane_m: float, before_m: float) -> int:
+    """Return the least cost from a pose to the lane and the direction of a flight, zero there: drives, and turns beyond them."""
+    c, s = math.cos(goal[2]), math.sin(goal[2])
+    aside = abs((pose[1] - goal[1]) * c - (pose[0] - goal[0]) * s) - lane_m
+    along = before_m - abs((pose[0] - goal[0]) * c + (pose[1] - goal[1]) * s)
+    drives = int(math.ceil(max(aside, along, 0.0) / DRIVE_M))
+    return DRIVE_COST * drives + TURN_COST * max(turns - drives, 0)
 
 
 @njit(cache=True)
