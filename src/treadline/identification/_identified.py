@@ -381,7 +381,7 @@ class Identified(Printable):
             # The Gram matrix of a stream or a prior covers more samples than are kept in memory.
             share = min(1.0, sum(len(run.y) for run in runs) / fitting.data.count)
             result = of_predicting(found.system, runs, fitting.fixed, units)
-            return None if result is None else result.narrowed(share)
+            return None if result is None else replace(result, ways=np.sqrt(share) * result.ways)
         return of_refined(found.system, fitting.experiments, fitting.fixed, units)
 
     @cached_property
