@@ -37,14 +37,6 @@ class Units:
     scale: Float[np.ndarray, " r"]
     input_count: int
 
-    def same(self, other: "Units") -> bool:
-        """Whether Gram matrices in both units can be added."""
-        return (
-            self.input_count == other.input_count
-            and np.array_equal(self.shift, other.shift)
-            and np.array_equal(self.scale, other.scale)
-        )
-
     @property
     def input_scale(self) -> Float[np.ndarray, " m"]:
         """Standard deviation of each input."""
@@ -80,7 +72,8 @@ class Gram:
     def __add__(self, other: "Gram") -> "Gram":
         if self.lags != other.lags or self.sums.shape != other.sums.shape:
             raise ShapeMismatch(f"Gram matrices of {self.lags} and {other.lags} lags do not add up")
-        if self.units is not other.units and not self.units.same(other.units):
+        one, two = self.units, other.units
+        if one.input_count != two.input_count or not np.array_equal([one.shift, one.scale], [two.shift, two.scale]):
             raise ShapeMismatch("Gram matrices in different units do not add up; make both with the units of one")
         if abs(self.dt_s - other.dt_s) > 1e-9 * self.dt_s:
             raise ShapeMismatch(f"Gram matrices of periods {self.dt_s:g} and {other.dt_s:g} s do not add up")

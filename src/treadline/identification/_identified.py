@@ -24,7 +24,7 @@ from treadline.core.printing import Printable, p_text, percent_text, plain
 from treadline.core.transfer_function import StabilisationDiagram, is_unstable
 from treadline.core.turning import NAME_PRIOR, YAW_GAIN, turn_channels, turn_faults
 from treadline.identification._affine import of_model
-from treadline.identification._checks import FEW_SAMPLES, excitation_order, insufficient_excitation
+from treadline.identification._checks import FEW_SAMPLES, excitation_order, insufficient_excitation, whole_samples
 from treadline.identification._dead_time import without_delays
 from treadline.identification._drive_log import DifferentialInput, DriveLog, LogFindings, examine
 from treadline.identification._era import HankelSvd
@@ -137,11 +137,6 @@ def mean_by_output(percents: Sequence[dict[str, float] | None]) -> dict[str, flo
     known = [one for one in percents if one is not None]
     mean = np.array([list(one.values()) for one in known]).mean(axis=0)
     return dict(zip(known[0], np.where(mean > -1e9, mean, -1e9).tolist(), strict=True))  # also for NaN
-
-
-def whole_samples(record: InputOutputRecord) -> int:
-    """Return the number of samples without a missing channel."""
-    return int(record.whole.sum())
 
 
 def _low_motion_warnings(model: LinearModel, fitted: Sequence[InputOutputRecord], judged: Sequence[InputOutputRecord]) -> list[str]:

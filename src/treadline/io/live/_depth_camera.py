@@ -150,10 +150,13 @@ class VendorCamera:
         if pipeline is not None:
             pipeline.stop()
 
-    def _next_depth(self, timeout_s: float, *failures: type[Exception]) -> tuple[Any, Any, list[list[float]]]:
+    def _next_depth(
+        self, timeout_s: float, forces_in: Callable[[Any], list[list[float]]], *failures: type[Exception]
+    ) -> tuple[Any, Any, list[list[float]]]:
         """Return the next frame set with a depth image, the image, and the forces since the last one [m/s²].
 
         Args:
+            forces_in: Function from a frame set to its samples of the accelerometer.
             failures: The vendor's exceptions.
 
         Raises:
@@ -166,14 +169,10 @@ class VendorCamera:
             except failures as error:
                 raise no_frame(self.name, timeout_s, error) from None
             if frames is not None:
-                forces += self._forces_in(frames)
+                forces += forces_in(frames)
                 if depth := frames.get_depth_frame():
                     return frames, depth, forces
         raise no_frame(self.name, timeout_s)
-
-    def _forces_in(self, frames: Any) -> list[list[float]]:
-        """Return the samples of the accelerometer in a frame set [m/s²]."""
-        raise NotImplementedError
 
     def _force(self, samples: Sequence[Sequence[float]]) -> Vector3 | None:
         """Return the mean specific force in the camera frame; None without samples, or with unknown axes."""

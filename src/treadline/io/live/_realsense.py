@@ -40,7 +40,7 @@ class RealSenseCamera(VendorCamera):
 
     def next_images(self, timeout_s: float) -> CameraImages:
         """Return the next depth image; frame sets that hold motion data only are skipped."""
-        frames, depth, forces = self._next_depth(timeout_s, RuntimeError)
+        frames, depth, forces = self._next_depth(timeout_s, self._forces_in, RuntimeError)
         color = self._align.process(frames).get_color_frame() if self._align is not None else None
         return CameraImages(
             t_s=1e-3 * depth.get_timestamp(),
