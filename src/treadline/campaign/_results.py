@@ -294,15 +294,11 @@ def _terms(z: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 6"]:
 
 
 def _logistic(X: Float[np.ndarray, "n 6"], y: Float[np.ndarray, " n"]) -> Float[np.ndarray, " 6"]:
-    """Return the coefficients of the logistic regression, by Newton's method; a penalty keeps separable runs finite."""
-    weights = np.zeros(X.shape[1])
-    penalty = 0.1 * np.diag([0.0, *np.ones(X.shape[1] - 1)])
-    for _ in range(30):
-        share = 1.0 / (1.0 + np.exp(-np.clip(X @ weights, -30.0, 30.0)))
-        gradient = X.T @ (share - y) + penalty @ weights
-        curvature = (X * (share * (1.0 - share))[:, None]).T @ X + penalty + 1e-9 * np.eye(X.shape[1])
-        step = np.linalg.solve(curvature, gradient)
-        weights = weights - step
-        if np.abs(step).max() < 1e-8:
-            break
-    return weights
+    """Return the coefficients of the logistic regression; a penalty on all but the constant keeps separable runs finite."""
+    from scipy.optimize import minimize
+
+    def cost(weights: Float[np.ndarray, " 6"]) -> float:
+        z = X @ weights
+        return float(np.logaddexp(0.0, z).sum() - y @ z + 0.05 * weights[1:] @ weights[1:])
+
+    return np.asarray(minimize(cost, np.zeros(X.shape[1])).x)

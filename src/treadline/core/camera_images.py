@@ -15,6 +15,7 @@ from jaxtyping import Float, Float32, UInt8
 from numpy.typing import ArrayLike
 
 from treadline.core.errors import ImageError
+from treadline.core.files import text_of
 from treadline.core.printing import Brief
 from treadline.core.rotations import Rotation, Vector3, rotation_x, rotation_y, rotation_z
 
@@ -187,11 +188,7 @@ def gravity_table(path: Path) -> dict[str, Vector3]:
     """
     if not path.exists():
         return {}
-    try:
-        lines = path.read_bytes().decode("utf-8-sig").splitlines()
-    except UnicodeDecodeError as error:
-        raise ImageError(f"{path}: not UTF-8 (byte {error.start}); save it as UTF-8 text") from None
-    reader, found = csv.DictReader(lines), dict[str, Vector3]()
+    reader, found = csv.DictReader(text_of(path, "a table", ImageError).splitlines()), dict[str, Vector3]()
     for row in reader:
         where = f"{path}:{reader.line_num}"
         name, *cells = (row.get(column) for column in ("name", "x", "y", "z"))

@@ -12,7 +12,6 @@ from typing import Any
 
 from treadline.core.errors import SettingsError, TreadlineError
 from treadline.core.printing import plain
-from treadline.core.settings import text_of
 
 DATA = Path(__file__).parents[1] / "data"
 """Folder of the files that are shipped with the package."""
@@ -46,6 +45,34 @@ def written_whole(path: Path) -> Iterator[Path]:
             temporary.unlink(missing_ok=True)
     except OSError as error:
         raise TreadlineError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+
+def bytes_of(path: Path, kind: str, refused: type[TreadlineError] = SettingsError) -> bytes:
+    """Return the bytes of a file.
+
+    Args:
+        kind: Expected kind of file, for the error message.
+        refused: Class of the error.
+
+    Raises:
+        TreadlineError: Of the class ``refused``, if the file is missing, a folder or cannot be read.
+    """
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise refused(f"{path}: no such file") from None
+    except IsADirectoryError:
+        raise refused(f"{path}: is a folder, not {kind}") from None
+    except OSError as error:
+        raise refused(f"{path}: {error.strerror}") from None
+
+
+def text_of(path: Path, kind: str, refused: type[TreadlineError] = SettingsError) -> str:
+    """Return the text of a file; arguments and errors are those of ``bytes_of``, and text that is not UTF-8 is an error too."""
+    try:
+        return bytes_of(path, kind, refused).decode("utf-8-sig")  # some editors write a byte order mark
+    except UnicodeDecodeError as error:
+        raise refused(f"{path}: not UTF-8 (byte {error.start}); save it as UTF-8 text") from None
 
 
 def read_json(path: Path) -> dict[str, Any]:

@@ -31,10 +31,10 @@ GROWTH = 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Comparison(Printable, Plottable):
-    """A model and a record that it should reproduce.
+class FitScores:
+    """How well a model reproduces data, by output: free run or forecast, one-step prediction, and tests of the residuals.
 
-    A free run starts from a state that the first samples of the record determine, and is scored after them. An unstable model
+    A free run starts from a state that the first samples of a record determine, and is scored after them. An unstable model
     has no free run that means anything; a forecast of ``forecast_horizon_s``, from every sample, stands in its place.
     """
 
@@ -52,6 +52,26 @@ class Comparison(Printable, Plottable):
     whiteness_p: float | None
     crosscorrelation_p: float | None
     """p-values of white residuals, and of residuals independent of the inputs; None for too few samples."""
+
+    @property
+    def percent(self) -> dict[str, float]:
+        """Fit of the free run, or of the forecast for an unstable model [%]."""
+        return self.fit_percent or self.forecast_percent or {}
+
+    @property
+    def in_words(self) -> list[tuple[str, str]]:
+        """Each output, with its fit and its variance accounted for in words."""
+        ahead = self.one_step_vaf_percent
+        return [
+            (name, f"{percent_text(value)}, {percent_text(ahead[name])} of the variance one step ahead")
+            for name, value in self.percent.items()
+        ]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class Comparison(FitScores, Printable, Plottable):
+    """A model and a record that it should reproduce."""
+
     samples: int
     """Samples scored."""
     t_s: Float[np.ndarray, " T"]
@@ -60,11 +80,6 @@ class Comparison(Printable, Plottable):
     """Free run, or forecast for an unstable model."""
     ahead: Float[np.ndarray, "T p"]
     """Predictions one step ahead."""
-
-    @property
-    def percent(self) -> dict[str, float]:
-        """Fit of the free run, or of the forecast for an unstable model [%]."""
-        return self.fit_percent or self.forecast_percent or {}
 
     @property
     def kind(self) -> str:
@@ -82,10 +97,7 @@ class Comparison(Printable, Plottable):
 
     def printed(self) -> tuple[str, list[tuple[str, str]]]:
         """Return conditions, fit and tests."""
-        rows = [
-            (name, f"fit {percent_text(value)}, {percent_text(self.one_step_vaf_percent[name])} of the variance one step ahead")
-            for name, value in self.percent.items()
-        ]
+        rows = [(name, f"fit {words}") for name, words in self.in_words]
         rows.append(("white residuals", p_text(self.whiteness_p)))
         rows.append(("residuals independent of the inputs", p_text(self.crosscorrelation_p)))
         return self.conditions, rows

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 from jaxtyping import Complex, Float
 
-from treadline.core.arrays import check_magnitude
+from treadline.core.arrays import check_magnitude, shaped
 from treadline.core.errors import ModelError, RecordError, SettingsError, TreadlineError
 from treadline.core.files import read_json, write_json
 from treadline.core.printing import Plottable, Printable
@@ -144,10 +144,8 @@ class LinearModel(StateSpaceModel, Printable, Plottable):
 
         inputs = np.asarray(samples_of("u", u)[0], dtype=float)
         inputs = inputs[:, None] if inputs.ndim == 1 else inputs
-        if inputs.ndim != 2 or inputs.shape[1] != self.B.shape[1]:
-            raise RecordError(
-                f"u is of shape {inputs.shape}; wanted one row per sample and {self.B.shape[1]} columns, one per input"
-            )
+        m = self.B.shape[1]
+        inputs = shaped("u", inputs, (None, m), f"one row per sample and {m} columns, one per input")
         start = np.zeros(self.order) if x0 is None else np.asarray(x0, dtype=float)
         if start.shape != (self.order,):
             raise ModelError(f"x0 is of shape {start.shape}; wanted {self.order} states")

@@ -13,6 +13,7 @@ from typing import ClassVar, Self, TypeVar
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
 from treadline.core.errors import SettingsError
+from treadline.core.files import text_of
 
 Pairs = Sequence[tuple[str, str]]
 """Pairs of keys of one table."""
@@ -66,27 +67,6 @@ def parse_toml(path: Path) -> dict[str, object]:
         # ValueError: base class of tomllib's error, and Python's own for an integer of thousands of digits.
         remedy = "; decimals have a point" if re.search(r"=\s*[+-]?\d+,\d", text) else ""
         raise SettingsError(f"{path}: not TOML: {error}{remedy if path.suffix == '.toml' else '; give a .toml file'}") from None
-
-
-def text_of(path: Path, kind: str) -> str:
-    """Return the text of a file.
-
-    Args:
-        kind: Expected kind of file, for the error message.
-
-    Raises:
-        SettingsError: If the file is missing, a folder or not UTF-8.
-    """
-    try:
-        return path.read_bytes().decode("utf-8-sig")  # some editors write a byte order mark
-    except FileNotFoundError:
-        raise SettingsError(f"{path}: no such file") from None
-    except IsADirectoryError:
-        raise SettingsError(f"{path}: is a folder, not {kind}") from None
-    except UnicodeDecodeError as error:
-        raise SettingsError(f"{path}: not UTF-8 (byte {error.start}); save it as UTF-8 text") from None
-    except OSError as error:
-        raise SettingsError(f"{path}: {error.strerror}") from None
 
 
 def settings_of(tables: Mapping[str, object], model: type[S], *, where: str, file: Path | None = None) -> S:

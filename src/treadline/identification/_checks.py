@@ -80,9 +80,9 @@ def _check_channels(first: InputOutputRecord, *, outputs_alone: bool) -> None:
         raise PeriodMismatch(f"the record's period is {first.dt_s} s; it must be finite")
 
 
-def gaps_in(record: InputOutputRecord) -> int:
-    """Return the number of samples with a missing channel."""
-    return len(record) - int(np.count_nonzero(record.whole))
+def whole_samples(record: InputOutputRecord) -> int:
+    """Return the number of samples without a missing channel."""
+    return int(np.count_nonzero(record.whole))
 
 
 def check_gaps(gaps: int, samples: int, where: str = "") -> None:
@@ -106,7 +106,7 @@ def _check_finite(record: InputOutputRecord, where: str, *, parts: bool) -> None
                 f"{where}column '{name}' reaches {np.nanmax(np.abs(column)):.1f}, beyond π: degrees instead of radians? "
                 f"convert it; the name of an unwrapped angle ends in {UNWRAPPED}"
             )
-    gaps = gaps_in(record)
+    gaps = len(record) - whole_samples(record)
     if not gaps:
         return
     for name, column in zip(names, (*record.u.T, *record.y.T), strict=True):

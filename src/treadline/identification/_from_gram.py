@@ -33,7 +33,6 @@ from treadline.identification._model_order import (
     no_system,
     noise_level,
     settle_order,
-    stands_out,
     structural_order,
 )
 from treadline.identification._okid import ObserverMarkov, observer_markov, regression, scaled_observer
@@ -112,9 +111,7 @@ def _by_ensemble(
 ) -> FittedSystem:
     """Return the model made of the ensemble's medoid."""
     found = ensemble(fitting, orders, on_progress)
-    noise = evidence.noise or 0.0
-    if not stands_out(evidence.svd.s, noise):
-        warnings.append(no_system(evidence.svd.s, noise))
+    warnings += no_system(evidence.svd.s, evidence.noise or 0.0)
     names = channel_names(fitting.records[0])[fitting.data.units.input_count :]
     for name, explained in zip(names, found.explained, strict=True):
         if not explained:

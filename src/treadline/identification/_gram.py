@@ -10,6 +10,7 @@ to be subtracted.
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from jaxtyping import Bool, Float
 from numpy.lib.stride_tricks import sliding_window_view
 
 from treadline.core.errors import LogFormatError, ShapeMismatch
-from treadline.core.files import written_whole
+from treadline.core.files import bytes_of, written_whole
 from treadline.core.models import InputOutputRecord
 from treadline.identification._factor import Factor
 from treadline.identification._recursion_kernels import column_moments, normalise, slide
@@ -35,14 +36,6 @@ class Units:
     shift: Float[np.ndarray, " r"]
     scale: Float[np.ndarray, " r"]
     input_count: int
-
-    def same(self, other: "Units") -> bool:
-        """Whether Gram matrices in both units can be added."""
-        return (
-            self.input_count == other.input_count
-            and np.array_equal(self.shift, other.shift)
-            and np.array_equal(self.scale, other.scale)
-        )
 
     @property
     def input_scale(self) -> Float[np.ndarray, " m"]:
@@ -79,7 +72,8 @@ class Gram:
     def __add__(self, other: "Gram") -> "Gram":
         if self.lags != other.lags or self.sums.shape != other.sums.shape:
             raise ShapeMismatch(f"Gram matrices of {self.lags} and {other.lags} lags do not add up")
-        if self.units is not other.units and not self.units.same(other.units):
+        one, two = self.units, other.units
+        if one.input_count != two.input_count or not np.array_equal([one.shift, one.scale], [two.shift, two.scale]):
             raise ShapeMismatch("Gram matrices in different units do not add up; make both with the units of one")
         if abs(self.dt_s - other.dt_s) > 1e-9 * self.dt_s:
             raise ShapeMismatch(f"Gram matrices of periods {self.dt_s:g} and {other.dt_s:g} s do not add up")
@@ -120,14 +114,13 @@ class Gram:
         Raises:
             LogFormatError: If the file is missing, or was not written by ``save``.
         """
+        data = bytes_of(path, "a saved Gram matrix", LogFormatError)
         try:
-            with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
+            with np.load(BytesIO(data), allow_pickle=False) as file:
                 numbers = {name: file[name].item() for name in _SAVED}
                 units = Units(shift=file["shift"], scale=file["scale"], input_count=int(file["input_count"]))
                 names = tuple(str(name) for name in file["names"]) if "names" in file else ()
                 found = cls(units=units, sums=file["sums"], names=names, **numbers)
-        except FileNotFoundError:
-            raise LogFormatError(f"{path}: no such file") from None
         except Exception as error:  # noqa: BLE001 - a damaged archive raises many kinds of exceptions
             cause = str(error).strip("'\"").partition("\n")[0] or type(error).__name__
             raise LogFormatError(

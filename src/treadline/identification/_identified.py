@@ -18,13 +18,13 @@ from numpy.typing import ArrayLike
 from treadline.core import linear_systems
 from treadline.core.arrays import finite_or_none, spectral_radius
 from treadline.core.errors import RecordError
-from treadline.core.model_scores import TESTED_SAMPLES_MIN, Comparison, compare, skill_percent
+from treadline.core.model_scores import TESTED_SAMPLES_MIN, Comparison, FitScores, compare, skill_percent
 from treadline.core.models import EXPLAINED, VEHICLE, InputOutputRecord, LinearModel
 from treadline.core.printing import Printable, p_text, percent_text, plain
 from treadline.core.transfer_function import StabilisationDiagram, is_unstable
 from treadline.core.turning import NAME_PRIOR, YAW_GAIN, turn_channels, turn_faults
 from treadline.identification._affine import of_model
-from treadline.identification._checks import FEW_SAMPLES, excitation_order, insufficient_excitation
+from treadline.identification._checks import FEW_SAMPLES, excitation_order, insufficient_excitation, whole_samples
 from treadline.identification._dead_time import without_delays
 from treadline.identification._drive_log import DifferentialInput, DriveLog, LogFindings, examine
 from treadline.identification._era import HankelSvd
@@ -62,7 +62,7 @@ COLLINEAR_VARIANCE = 0.15
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class IdentificationReport:
+class IdentificationReport(FitScores):
     """Fit, validation, uncertainty and warnings of an identification."""
 
     order: int
@@ -85,15 +85,6 @@ class IdentificationReport:
     poles: list[tuple[float, float]]
     pole_ci95: list[float] | None
     """Radius of the disc about each pole that contains the true pole with 95 % probability."""
-    fit_percent: dict[str, float] | None
-    """Fit of a free run by output [%]; None for an unstable model."""
-    fit_prefix_s: float
-    """Time at the start of the longest validation record that determines the initial state and is not scored [s]."""
-    forecast_percent: dict[str, float] | None
-    """Fit of a forecast by output [%]; None for a stable model."""
-    persistence_percent: dict[str, float] | None
-    """The same measure for outputs that stay as they are over the horizon; None for a stable model."""
-    forecast_horizon_s: float | None
     companion_percent: dict[str, float] | None
     """Fit of a free run of the stable companion of an unstable model by output [%]; None for a stable model."""
     judged_on: str
@@ -101,10 +92,6 @@ class IdentificationReport:
     judged_samples: int
     fit_conditions: str
     """What the fit is of, in words: a free run and its start, or, of an unstable model, a forecast and its horizon."""
-    one_step_vaf_percent: dict[str, float]
-    whiteness_p: float | None
-    crosscorrelation_p: float | None
-    """p-values of white residuals and of residuals independent of the inputs; None for too few validation samples."""
     excitation_order: int
     """Largest order that the inputs excite persistently, up to the number of lags."""
     samples: int
@@ -114,11 +101,6 @@ class IdentificationReport:
     seconds: float
     skid_steer: SkidSteer | None = None
     """Effective gauge, speed scales and lags, for two belts and a yaw rate or heading by their names."""
-
-    @property
-    def percent(self) -> dict[str, float]:
-        """Fit of the free run, or of the forecast for an unstable model [%]."""
-        return self.fit_percent or self.forecast_percent or {}
 
     def as_json(self) -> dict[str, Any]:
         """Return the report as JSON values."""
@@ -155,11 +137,6 @@ def mean_by_output(percents: Sequence[dict[str, float] | None]) -> dict[str, flo
     known = [one for one in percents if one is not None]
     mean = np.array([list(one.values()) for one in known]).mean(axis=0)
     return dict(zip(known[0], np.where(mean > -1e9, mean, -1e9).tolist(), strict=True))  # also for NaN
-
-
-def whole_samples(record: InputOutputRecord) -> int:
-    """Return the number of samples without a missing channel."""
-    return int(record.whole.sum())
 
 
 def _low_motion_warnings(model: LinearModel, fitted: Sequence[InputOutputRecord], judged: Sequence[InputOutputRecord]) -> list[str]:
@@ -345,13 +322,7 @@ class Identified(Printable):
     def printed(self) -> tuple[str, list[tuple[str, str]]]:
         """Return order, fit, one-step prediction, poles and warnings."""
         report = self.report
-        rows = [
-            (
-                f"fit of {name}",
-                f"{percent_text(value)}, {percent_text(report.one_step_vaf_percent[name])} of the variance one step ahead",
-            )
-            for name, value in report.percent.items()
-        ]
+        rows = [(f"fit of {name}", words) for name, words in report.in_words]
         rows.append(("fit", f"of {report.judged_on}: {report.fit_conditions}"))
         rows += [] if report.companion_percent is None else [("stable companion", _percents(report.companion_percent))]
         rows.append(("poles", ", ".join(f"{complex(*pole):.4g}" for pole in report.poles)))
@@ -381,7 +352,7 @@ class Identified(Printable):
             # The Gram matrix of a stream or a prior covers more samples than are kept in memory.
             share = min(1.0, sum(len(run.y) for run in runs) / fitting.data.count)
             result = of_predicting(found.system, runs, fitting.fixed, units)
-            return None if result is None else result.narrowed(share)
+            return None if result is None else replace(result, ways=np.sqrt(share) * result.ways)
         return of_refined(found.system, fitting.experiments, fitting.fixed, units)
 
     @cached_property

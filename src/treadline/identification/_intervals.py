@@ -8,7 +8,7 @@ method with few lags, or of the model selection.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -71,10 +71,6 @@ class ConfidenceIntervals:
     ways: Directions
     """Changes per standard normal variable; the sum of their squares is the variance."""
     units: Units
-
-    def narrowed(self, share: float) -> "ConfidenceIntervals":
-        """Return the intervals of a model fitted to more data, of which these cover the given share."""
-        return replace(self, ways=np.sqrt(share) * self.ways)
 
     def through(self, mixing: Float[np.ndarray, "m v"], units: Units) -> "ConfidenceIntervals":
         """Return the intervals after a change of inputs u = mixing·v, both in standard deviations.

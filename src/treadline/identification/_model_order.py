@@ -172,12 +172,14 @@ def noise_level(observer: ObserverMarkov, svd: HankelSvd) -> float:
     return float(np.sqrt(np.mean([largest(hankel(draw, svd.rows, svd.columns, 0)) ** 2 for draw in draws])))
 
 
-def no_system(singular_values: Float[np.ndarray, " k"], noise: float) -> str:
-    """Return the warning for a largest singular value that noise alone may cause."""
-    return (
+def no_system(singular_values: Float[np.ndarray, " k"], noise: float) -> list[str]:
+    """Return a warning if noise alone may cause the largest singular value."""
+    if stands_out(singular_values, noise):
+        return []
+    return [
         f"no clear gap in the singular values (the largest is {singular_values[0] / noise:.1f} times the noise level); "
         "give more data, or inputs that vary more"
-    )
+    ]
 
 
 def settle_order(
@@ -188,9 +190,8 @@ def settle_order(
     An observer of p lags has at most p states per output; the drop beyond that rank is an artefact and left out by the caller.
     """
     choice = choose_order(singular_values, noise=noise, allowed=allowed)
-    if not stands_out(singular_values, noise):
-        warnings.append(no_system(singular_values, noise))
-    elif not choice.clear:
+    warnings += (lacking := no_system(singular_values, noise))
+    if not lacking and not choice.clear:
         warnings.append(
             f"no clear gap in the singular values (largest ratio {choice.gap:.1f} at order {choice.order}); "
             "give --order, or more data"

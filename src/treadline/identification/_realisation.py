@@ -27,15 +27,10 @@ BLOCKS_LEAST = 8
 """Smallest number of block rows: two seconds at 4 Hz, enough to separate an integrator from a lag."""
 
 
-def block_rows(observer: ObserverMarkov, order: int | None) -> int:
-    """Return the number of block rows needed for the observer and an order."""
-    lags, p, m = observer.alpha.shape
-    return max(lags, BLOCKS_LEAST, -(-((order or 1) + 1) // min(m, p)))
-
-
 def markov_svd(observer: ObserverMarkov, order: int | None) -> HankelSvd:
     """Return the decomposed Hankel matrix of the observer's system, large enough for an order."""
-    blocks = block_rows(observer, order)
+    lags, p, m = observer.alpha.shape
+    blocks = max(lags, BLOCKS_LEAST, -(-((order or 1) + 1) // min(m, p)))
     markov = system_markov(observer, 2 * blocks + 1)
     return HankelSvd(markov=markov, rows=blocks, columns=blocks, rank=max((order or 0) + 1, RANK_MOST))
 

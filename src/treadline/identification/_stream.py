@@ -11,7 +11,7 @@ import numpy as np
 from treadline.core.errors import PoorExcitation, SettingsError
 from treadline.core.linear_systems import most_recent
 from treadline.core.models import InputOutputRecord
-from treadline.identification._checks import channel_names, check_alike, check_gaps, gaps_in, units_of_moving
+from treadline.identification._checks import channel_names, check_alike, check_gaps, units_of_moving, whole_samples
 from treadline.identification._drive_log import DriveLog
 from treadline.identification._from_gram import from_gram
 from treadline.identification._gram import GramBuilder, Units
@@ -99,7 +99,7 @@ def _chunks(experiments: Iterable[Iterable[InputOutputRecord]]) -> Iterator[_Chu
         for number, record in enumerate(experiment):
             first = first or record
             check_alike([first, record], parts=True)
-            samples, gaps = samples + len(record), gaps + gaps_in(record)
+            samples, gaps = samples + len(record), gaps + len(record) - whole_samples(record)
             yield _Chunk(record=record, begins=number == 0, goes_on=is_complete)
             is_complete = bool(np.isfinite(record.u[-1]).all() and np.isfinite(record.y[-1]).all())
         check_gaps(gaps, samples)

@@ -178,7 +178,7 @@ def turn_fit(records: Sequence[InputOutputRecord], *, is_difference: bool = Fals
     m = records[0].u.shape[1]
     mixing = belts.signs if belts is not None and is_difference else np.eye(m)
     least = NOISE_LAGS + LAGS_MOST + ROWS_PER_PARAMETER * (2 * len(mixing) + 1 + NOISE_LAGS)
-    runs = [replace(run, u=run.u @ mixing.T) for run in _runs(records) if len(run.rate) >= least]
+    runs = [replace(run, u=run.u @ mixing.T) for run in _runs(records) if len(run) >= least]
     if not runs:
         return None
     # Belts steer by their difference; of other inputs each may be the one that steers.
@@ -209,40 +209,31 @@ def _larger(lagged: TurnFit, plain: Sequence[TurnFit]) -> TurnFit:
     return replace(most, lagged_gain=known.value) if 0.0 < known.high < most.yaw_gain(step).value else lagged
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Run:
-    """Unbroken rows of belt speeds and yaw rate."""
-
-    u: Float[np.ndarray, "T m"]
-    rate: Float[np.ndarray, " T"]
-    dt_s: float
-
-
-def _runs(records: Sequence[InputOutputRecord]) -> list[_Run]:
-    """Return the unbroken runs of the most recent rows."""
+def _runs(records: Sequence[InputOutputRecord]) -> list[InputOutputRecord]:
+    """Return the unbroken runs of the most recent rows, the yaw rate [rad/s] as their output."""
     runs = []
     for record in most_recent(records, RECENT):
         rate = turn_rate(record.y, record.output_names, record.dt_s)
         u = record.u[: len(rate)]
         for start, stop in runs_of(np.isfinite(u).all(axis=1) & np.isfinite(rate)):
-            runs.append(_Run(u=u[start:stop], rate=rate[start:stop], dt_s=record.dt_s))
+            runs.append(InputOutputRecord(u=u[start:stop], y=rate[start:stop], dt_s=record.dt_s))
     return runs
 
 
-def _best(runs: list[_Run], steering: Float[np.ndarray, "s q"]) -> "_Descent":
+def _best(runs: list[InputOutputRecord], steering: Float[np.ndarray, "s q"]) -> "_Descent":
     """Return the best descent of each steering input: from its dead time, or a row more, and a short and a long lag."""
     descents = []
     for signs in steering:
-        late = dead_time([InputOutputRecord(u=run.u @ signs[:, None], y=run.rate[:, None], dt_s=run.dt_s) for run in runs])[0]
+        late = dead_time([replace(run, u=run.u @ signs[:, None]) for run in runs])[0]
         for shift in range(min(late, LAGS_MOST), min(late, LAGS_MOST) + 2):
             descents += [_descended(runs, _start(runs, signs, decay, shift), shift) for decay in DECAYS]
     return min(descents, key=lambda descent: descent.cost)
 
 
-def _start(runs: list[_Run], signs: Float[np.ndarray, " q"], decay: float, shift: int) -> Float[np.ndarray, " k"]:
+def _start(runs: list[InputOutputRecord], signs: Float[np.ndarray, " q"], decay: float, shift: int) -> Float[np.ndarray, " k"]:
     """Return gain and constant by least squares for a lag and a dead time, and the autoregression of what they leave."""
     x = np.concatenate([_lagged(run.u @ signs, decay, shift) for run in runs])
-    rate = np.concatenate([run.rate for run in runs])
+    rate = np.concatenate([run.y[:, 0] for run in runs])
     X = np.column_stack([x, np.ones(len(x))])
     gain, constant = np.linalg.lstsq(X, rate, rcond=None)[0]
     windows = sliding_window_view(rate - X @ [gain, constant], NOISE_LAGS + 1)
@@ -270,7 +261,7 @@ class _Descent:
     """J'J and J'e of the residuals' derivatives."""
 
 
-def _descended(runs: list[_Run], theta: Float[np.ndarray, " k"], shift: int) -> _Descent:
+def _descended(runs: list[InputOutputRecord], theta: Float[np.ndarray, " k"], shift: int) -> _Descent:
     """Return the parameters with the least squared prediction error."""
     m = runs[0].u.shape[1]
 
@@ -285,19 +276,21 @@ def _descended(runs: list[_Run], theta: Float[np.ndarray, " k"], shift: int) -> 
     return descended(_normal(runs, theta, shift), lambda at: at.cost, linearised, enough=ROUNDING**0.5)
 
 
-def _explained(runs: list[_Run], theta: Float[np.ndarray, " k"], shift: int) -> float:
+def _explained(runs: list[InputOutputRecord], theta: Float[np.ndarray, " k"], shift: int) -> float:
     """Return the share of the yaw rate's variance that the inputs explain."""
     m = runs[0].u.shape[1]
-    left = [run.rate - np.column_stack([_lagged(run.u[:, j], theta[m + j], shift) for j in range(m)]) @ theta[:m] for run in runs]
-    total = float(np.var(np.concatenate([run.rate for run in runs])))
+    left = [
+        run.y[:, 0] - np.column_stack([_lagged(run.u[:, j], theta[m + j], shift) for j in range(m)]) @ theta[:m] for run in runs
+    ]
+    total = float(np.var(np.concatenate([run.y[:, 0] for run in runs])))
     return 1.0 - float(np.var(np.concatenate(left))) / total if total > 0.0 else 0.0
 
 
-def _regression(runs: list[_Run], shift: int) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, "k k"]]:
+def _regression(runs: list[InputOutputRecord], shift: int) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, "k k"]]:
     """Return parameters and covariance of the yaw rate's regression on the inputs of the same row or the row before."""
     m = runs[0].u.shape[1]
     X = [np.column_stack([run.u[: len(run.u) - shift], np.ones(len(run.u) - shift)]) for run in runs]
-    rates = [run.rate[shift:] for run in runs]
+    rates = [run.y[shift:, 0] for run in runs]
     beta = np.linalg.lstsq(np.vstack(X), np.concatenate(rates), rcond=None)[0]
     pairs = [(x, rate - x @ beta) for x, rate in zip(X, rates, strict=True)]
     linear = np.array([*range(m), 2 * m])
@@ -306,7 +299,7 @@ def _regression(runs: list[_Run], shift: int) -> tuple[Float[np.ndarray, " k"], 
     return theta, covariance
 
 
-def _normal(runs: list[_Run], theta: Float[np.ndarray, " k"], shift: int) -> _Descent:
+def _normal(runs: list[InputOutputRecord], theta: Float[np.ndarray, " k"], shift: int) -> _Descent:
     """Return squared prediction error, rows, J'J and J'e at some parameters."""
     m = runs[0].u.shape[1]
     gains, decays, constant, noise = theta[:m], theta[m : 2 * m], theta[2 * m], theta[2 * m + 1 :]
@@ -319,7 +312,7 @@ def _normal(runs: list[_Run], theta: Float[np.ndarray, " k"], shift: int) -> _De
         late = np.vstack([np.tile(run.u[:1], (shift, 1)), run.u])[: len(run.u)]
         before = np.vstack([late[:1], x[:-1]])
         moving = np.column_stack([lfilter([1.0], [1.0, -decays[j]], before[:, j] - late[:, j]) for j in range(m)])
-        left = run.rate - x @ gains - constant
+        left = run.y[:, 0] - x @ gains - constant
         columns = np.column_stack([left, -x, -moving * gains])
         white = lfilter(whitening, [1.0], columns, axis=0)[first:]
         past = np.column_stack([left[first - i : len(left) - i] for i in range(1, NOISE_LAGS + 1)])

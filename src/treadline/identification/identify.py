@@ -13,12 +13,12 @@ from treadline.core import linear_systems
 from treadline.core.errors import DependentInputs, PoorExcitation, SettingsError
 from treadline.core.model_scores import TESTED_SAMPLES_MIN
 from treadline.core.models import InputOutputRecord
-from treadline.identification._checks import channel_names, check_alike, check_independent, units_of_moving
+from treadline.identification._checks import channel_names, check_alike, check_independent, units_of_moving, whole_samples
 from treadline.identification._dead_time import dead_time, without_delays
 from treadline.identification._drive_log import DriveLog, find_differential_input, without_dependent_inputs
 from treadline.identification._from_gram import data_of, from_gram
 from treadline.identification._gram import Gram, gram_of, units_of
-from treadline.identification._identified import Identified, whole_samples
+from treadline.identification._identified import Identified
 from treadline.identification._threads import one_thread
 from treadline.identification.options import DEFAULT_OPTIONS, IdentificationOptions
 

@@ -18,15 +18,14 @@ from pathlib import Path
 from typing import Any
 
 from treadline.core.camera_images import PinholeCamera
-from treadline.core.errors import ImageError, LogFormatError
 from treadline.core.ports import Reading
 from treadline.core.signals import Event, HeadingMeasurement, ImuSample, TrackReading
 from treadline.io.images import MILLIMETRE, Pairing
-from treadline.io.mcap_read import BROKEN, has_arrivals
+from treadline.io.mcap_read import has_arrivals
 from treadline.io.message_types import seconds_of
 from treadline.io.messages import OWN
 from treadline.io.standard_messages import EVENTS, HEADINGS, LOOKED, OURS, imu, signal_reader
-from treadline.io.topics import Received, packets, received, roles, survey
+from treadline.io.topics import Received, damaged_message, packets, received, roles, survey
 
 BELTS = OWN[TrackReading].read
 HORIZON_S = 1.0
@@ -106,13 +105,9 @@ class SensorLog:
         self._force = (0.0, 0.0, 0.0)
         count = 0
         for topic, logged_ns, data in packets(self._path, self._wants, sealed=self._sealed):
-            try:
+            with damaged_message(self._path, topic.name):
                 name = self._roles.get(topic.name, "")
                 signal = self._decoded(name, topic.name, received(topic, data, logged_ns, self._origin_ns), logged_ns)
-            except (LogFormatError, ImageError) as error:
-                raise type(error)(f"{self._path}: {topic.name}: {error}") from None
-            except BROKEN as error:
-                raise LogFormatError(f"{self._path}: {topic.name}: a message that cannot be read: {error}") from None
             if self.ended is not None:
                 break
             if isinstance(signal, Reading):

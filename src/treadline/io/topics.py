@@ -5,14 +5,15 @@ equal candidates. ``--topics`` overrides the assignment.
 """
 
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from treadline.core.errors import LogFormatError, SettingsError
+from treadline.core.errors import ImageError, LogFormatError, SettingsError
 from treadline.core.signals import HeadingMeasurement
 from treadline.io._tables import listed
-from treadline.io.mcap_read import Packet, RecordedTopic, damage, mcap_messages
+from treadline.io.mcap_read import BROKEN, Packet, RecordedTopic, damage, mcap_messages
 from treadline.io.message_files import READERS, parts_of
 from treadline.io.message_types import message_of, stamped_s
 from treadline.io.messages import CAMERA_INFO, COMPRESSED, IMAGE, IMU, JOINTS, OWN
@@ -81,6 +82,17 @@ def packets(path: Path, wants: Callable[[str], bool], *, sealed: bool) -> Iterat
     for file in files:
         with damage(file):
             yield from mcap_messages(file, wants, sealed=True) if sealed else READERS[file.suffix.lower()](file, wants)
+
+
+@contextmanager
+def damaged_message(path: Path, topic: str) -> Iterator[None]:
+    """Name log and topic in the error of a message that cannot be read."""
+    try:
+        yield
+    except (LogFormatError, ImageError) as error:
+        raise type(error)(f"{path}: {topic}: {error}") from None
+    except BROKEN as error:
+        raise LogFormatError(f"{path}: {topic}: a message that cannot be read: {error}") from None
 
 
 class Received(NamedTuple):

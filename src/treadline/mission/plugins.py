@@ -14,8 +14,7 @@ from types import ModuleType
 from typing import Any
 
 from treadline.core.errors import SettingsError, did_you_mean
-from treadline.core.files import own_module
-from treadline.core.settings import text_of
+from treadline.core.files import own_module, text_of
 from treadline.mission.mission_config import FILE_PREFIX
 
 ATTRIBUTES = {"controller": ("follows_plan",), "detector": ("maps_stair",), "estimator": (), "policy": ()}

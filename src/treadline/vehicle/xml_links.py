@@ -13,8 +13,8 @@ from xml.etree.ElementTree import Element, ParseError, fromstring
 import numpy as np
 
 from treadline.core.errors import SettingsError
+from treadline.core.files import text_of
 from treadline.core.rotations import Rotation, Vector3, rotation_x, rotation_y, rotation_z
-from treadline.core.settings import text_of
 from treadline.vehicle.description_links import CollisionSolid, DescribedJoint, DescribedLink, check_tree, numbers_of
 
 Placed = tuple[Vector3, Rotation]

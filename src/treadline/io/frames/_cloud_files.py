@@ -14,6 +14,7 @@ import numpy as np
 from numpy.lib import recfunctions
 
 from treadline.core.errors import ImageError, LogFormatError, one_line
+from treadline.core.files import bytes_of
 from treadline.io.frames.point_cloud import PointCloud
 
 ENDINGS = (".ply", ".pcd")
@@ -39,10 +40,7 @@ def read_cloud(path: Path) -> PointCloud:
     Raises:
         ImageError: If the file is missing, truncated, or not such a file.
     """
-    try:
-        data = path.read_bytes()
-    except FileNotFoundError:
-        raise ImageError(f"{path}: no such file") from None
+    data = bytes_of(path, "a point cloud", ImageError)
     try:
         return _ply(data) if path.suffix.lower() == ".ply" else _pcd(data)
     except ImageError as error:

@@ -5,6 +5,7 @@ above: x to the right along a row, y up against the order of the rows. Cells tha
 """
 
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from jaxtyping import Float64
 from treadline.core.angles import DEG
 from treadline.core.camera_images import NamedFrame, PinholeCamera, RgbdFrame, black
 from treadline.core.errors import ImageError, SettingsError, one_line
+from treadline.core.files import bytes_of
 from treadline.io.frames._cloud_files import MOST_POINTS
 from treadline.io.frames._elevation_map_kernels import cast
 from treadline.io.frames.point_cloud import FEWEST_POINTS, PLAUSIBLE_M
@@ -50,16 +52,14 @@ def map_views(path: Path, cell_m: float, unit_m: float) -> list[NamedFrame]:
 
 def _read(path: Path) -> Float64[np.ndarray, "h w"]:
     """Return the numbers of a NumPy file or of a table in text, NaN where a height is not finite."""
+    data = bytes_of(path, "a map", ImageError)
     try:
         if path.suffix.lower() in {".npy", ".npz"}:
-            held = np.load(path, allow_pickle=False)
-            grids = dict(held) if path.suffix.lower() == ".npz" else {path.name: held}
+            held = np.load(BytesIO(data), allow_pickle=False)
+            grids = held.values() if path.suffix.lower() == ".npz" else [held]
         else:
-            with path.open(encoding="utf-8-sig") as file:
-                grids = {path.name: np.loadtxt((line.replace(",", " ") for line in file), dtype=float, ndmin=2)}
-        (heights,) = (np.asarray(grid).astype(float, casting="safe") for grid in grids.values())
-    except FileNotFoundError:
-        raise ImageError(f"{path}: no such file") from None
+            grids = [np.loadtxt(data.decode("utf-8-sig").replace(",", " ").splitlines(), dtype=float, ndmin=2)]
+        (heights,) = (np.asarray(grid).astype(float, casting="safe") for grid in grids)
     except Exception as error:  # noqa: BLE001 - damaged bytes can raise any exception in the parsers
         raise ImageError(f"{path}: no grid of heights: {one_line(error)}; give one array, or rows of numbers") from None
     if heights.ndim != 2:

@@ -10,6 +10,7 @@ from jaxtyping import Float32, UInt8
 
 from treadline.core.camera_images import RgbdFrame, black
 from treadline.core.errors import ImageError, SettingsError
+from treadline.core.files import bytes_of
 from treadline.io.frames.point_cloud import PLAUSIBLE_M
 from treadline.io.images import metres
 from treadline.scenario.camera_file import CameraFile
@@ -134,12 +135,7 @@ def decoded(path: Path, flags: int) -> np.ndarray:
     Raises:
         ImageError: If the file is missing, truncated, or no image.
     """
-    try:
-        data = path.read_bytes()
-    except FileNotFoundError:
-        raise ImageError(f"{path}: no such file") from None
-    except IsADirectoryError:
-        raise ImageError(f"{path}: is a folder, not an image") from None
+    data = bytes_of(path, "an image", ImageError)
     if not data.startswith((PNG_START, JPEG_START)):
         raise ImageError(
             f"{path}: not an image that can be read; give colour as PNG or JPEG, depth as 16-bit PNG in units of depth_unit_m"

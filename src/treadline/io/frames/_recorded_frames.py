@@ -11,15 +11,24 @@ from pathlib import Path
 import numpy as np
 
 from treadline.core.camera_images import NamedFrame
-from treadline.core.errors import ImageError, LogFormatError, SettingsError
+from treadline.core.errors import LogFormatError, SettingsError
 from treadline.io._tables import listed
 from treadline.io.frames._cloud_files import POINT_CLOUD, cloud_of, point_cloud
 from treadline.io.frames.point_cloud import UNITS, FrameOptions, cloud_image
 from treadline.io.images import MILLIMETRE, PAIR_S, Paired, Pairing, with_mount
-from treadline.io.mcap_read import BROKEN, RecordedTopic
+from treadline.io.mcap_read import RecordedTopic
 from treadline.io.messages import IMAGE
 from treadline.io.runs import LOG
-from treadline.io.topics import TopicSummary, compressed_hint, depth_topics, image_topics, packets, received, survey
+from treadline.io.topics import (
+    TopicSummary,
+    compressed_hint,
+    damaged_message,
+    depth_topics,
+    image_topics,
+    packets,
+    received,
+    survey,
+)
 
 
 class FramesOfLog:
@@ -94,12 +103,9 @@ class FramesOfLog:
 
     def _paired(self) -> Iterator[Paired]:
         for topic, logged_ns, data in packets(self._log, self._roles.__contains__, sealed=self._sealed):
-            try:
-                yield from self._frames(topic, logged_ns, data)
-            except (LogFormatError, *BROKEN) as error:
-                raise LogFormatError(f"{self._path}: {topic.name}: {error}") from None
-            except ImageError as error:
-                raise ImageError(f"{self._path}: {topic.name}: {error}") from None
+            with damaged_message(self._path, topic.name):
+                frames = self._frames(topic, logged_ns, data)
+            yield from frames
         yield from self._pairing.rest()
 
     def _frames(self, topic: RecordedTopic, logged_ns: int, data: bytes) -> list[Paired]:

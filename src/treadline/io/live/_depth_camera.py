@@ -5,7 +5,7 @@ Adapters share packages, errors on one line, the wait for images, depth counts a
 
 import re
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import redirect_stderr
 from dataclasses import dataclass
 from importlib import import_module
@@ -150,15 +150,28 @@ class VendorCamera:
         if pipeline is not None:
             pipeline.stop()
 
-    def _frame_sets(self, timeout_s: float, *failures: type[Exception]) -> Iterator[Any]:
-        """Yield what the pipeline delivers until the time is over; ``failures`` are the vendor's exceptions."""
-        until_s = time.monotonic() + timeout_s
+    def _next_depth(
+        self, timeout_s: float, forces_in: Callable[[Any], list[list[float]]], *failures: type[Exception]
+    ) -> tuple[Any, Any, list[list[float]]]:
+        """Return the next frame set with a depth image, the image, and the forces since the last one [m/s²].
+
+        Args:
+            forces_in: Function from a frame set to its samples of the accelerometer.
+            failures: The vendor's exceptions.
+
+        Raises:
+            CameraError: If no depth image comes in time, or the device fails.
+        """
+        until_s, forces = time.monotonic() + timeout_s, list[list[float]]()
         while (left_ms := int(1e3 * (until_s - time.monotonic()))) > 0:
             try:
                 frames = self._pipeline.wait_for_frames(left_ms)
             except failures as error:
                 raise no_frame(self.name, timeout_s, error) from None
-            yield frames
+            if frames is not None:
+                forces += forces_in(frames)
+                if depth := frames.get_depth_frame():
+                    return frames, depth, forces
         raise no_frame(self.name, timeout_s)
 
     def _force(self, samples: Sequence[Sequence[float]]) -> Vector3 | None:

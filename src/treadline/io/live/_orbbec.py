@@ -1,13 +1,13 @@
 """Orbbec cameras (Gemini, Astra, Femto) through pyorbbecsdk, version 2."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import CameraError
-from treadline.core.rotations import Rotation
 from treadline.io.images import metres
 from treadline.io.live._depth_camera import (
     HEIGHT_PX,
@@ -66,17 +66,7 @@ class OrbbecCamera(VendorCamera):
 
     def next_images(self, timeout_s: float) -> CameraImages:
         """Return the next depth image; frame sets that hold motion data only are skipped."""
-        forces: list[list[float]] = []
-        depth: Any = None
-        frames: Any = None
-        for frames in self._frame_sets(timeout_s, self._ob.OBError, RuntimeError):
-            if frames is None:
-                continue
-            if (motion := frames.get_accel_frame()) is not None:
-                forces.append([motion.get_x(), motion.get_y(), motion.get_z()])
-                self._R_CI = self._R_CI if self._R_CI is not None else self._rotation(motion)
-            if (depth := frames.get_depth_frame()) is not None:
-                break
+        frames, depth, forces = self._next_depth(timeout_s, self._forces_in, self._ob.OBError, RuntimeError)
         counts = np.frombuffer(depth.get_data(), np.uint16).reshape(depth.get_height(), depth.get_width())
         color = self._colour(frames)
         return CameraImages(
@@ -86,6 +76,14 @@ class OrbbecCamera(VendorCamera):
             rgb_t_s=None if color is None else 1e-6 * color.get_timestamp_us(),
             force_C=self._force(forces),
         )
+
+    def _forces_in(self, frames: Any) -> list[list[float]]:
+        if (motion := frames.get_accel_frame()) is None:
+            return []
+        if self._R_CI is None:
+            with suppress(self._ob.OBError, RuntimeError):
+                self._R_CI = rotation_or_none(motion.get_stream_profile().get_extrinsic_to(self._depth).rot)
+        return [[motion.get_x(), motion.get_y(), motion.get_z()]]
 
     def _profile(self, pipeline: Any, sensor: Any, pixels: Any) -> Any:
         """Return the preferred stream of a sensor, or its default if the camera does not have that."""
@@ -100,12 +98,6 @@ class OrbbecCamera(VendorCamera):
             return pipeline.get_device().get_sensor(self._ob.OBSensorType.ACCEL_SENSOR) is not None
         except (self._ob.OBError, RuntimeError):
             return False
-
-    def _rotation(self, motion: Any) -> Rotation | None:
-        try:
-            return rotation_or_none(motion.get_stream_profile().get_extrinsic_to(self._depth).rot)
-        except (self._ob.OBError, RuntimeError):
-            return None
 
     def _undistortion(self) -> Callable[[np.ndarray], np.ndarray] | None:
         """Return the map of a lens with distortion (Femto); stereo depth is rectified and has none."""

@@ -40,16 +40,7 @@ class RealSenseCamera(VendorCamera):
 
     def next_images(self, timeout_s: float) -> CameraImages:
         """Return the next depth image; frame sets that hold motion data only are skipped."""
-        forces: list[list[float]] = []
-        depth: Any = None
-        frames: Any = None
-        for frames in self._frame_sets(timeout_s, RuntimeError):
-            motion = frames.first_or_default(self._rs.stream.accel) if self._R_CI is not None else None
-            if motion:
-                sample = motion.as_motion_frame().get_motion_data()
-                forces.append([sample.x, sample.y, sample.z])
-            if depth := frames.get_depth_frame():
-                break
+        frames, depth, forces = self._next_depth(timeout_s, self._forces_in, RuntimeError)
         color = self._align.process(frames).get_color_frame() if self._align is not None else None
         return CameraImages(
             t_s=1e-3 * depth.get_timestamp(),
@@ -58,6 +49,13 @@ class RealSenseCamera(VendorCamera):
             rgb_t_s=1e-3 * color.get_timestamp() if color else None,
             force_C=self._force(forces),
         )
+
+    def _forces_in(self, frames: Any) -> list[list[float]]:
+        motion = frames.first_or_default(self._rs.stream.accel) if self._R_CI is not None else None
+        if not motion:
+            return []
+        sample = motion.as_motion_frame().get_motion_data()
+        return [[sample.x, sample.y, sample.z]]
 
     def _config(self, pipeline: Any, *, colour: bool) -> tuple[Any, bool]:
         """Return the streams to start, with the accelerometer if the device can resolve it."""

@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 
 import numpy as np
 
@@ -63,32 +63,23 @@ class _GravityAverage:
         return -self._mean_C / size if abs(size - 9.80665) <= 0.6 else None
 
 
+@dataclass(eq=False)
 class LiveFrames:
-    """Frames of a camera until it is closed or fails."""
+    """Frames of a camera until it is closed or fails; the first iteration opens the camera."""
 
-    def __init__(
-        self,
-        camera: DepthCamera,
-        *,
-        calibration: CameraFile | None = None,
-        gravity_C: Vector3 | None = None,
-        colour: bool = False,
-        on_warning: Callable[[str], None] = lambda _: None,
-    ) -> None:
-        """Prepare a stream; the first iteration opens the camera.
+    camera: DepthCamera
+    _: KW_ONLY
+    calibration: CameraFile | None = None
+    """Mount of the camera. Its intrinsics are compared with those of the device."""
+    gravity_C: Vector3 | None = None
+    """Direction of gravity in place of the device's IMU."""
+    colour: bool = False
+    """Whether colour images are wanted."""
+    on_warning: Callable[[str], None] = lambda _: None
+    """Function that receives each warning when it arises."""
+    count: int | None = field(default=None, init=False)
 
-        Args:
-            calibration: Mount of the camera. Its intrinsics are compared with those of the device.
-            gravity_C: Direction of gravity in place of the device's IMU.
-            colour: Whether colour images are wanted.
-            on_warning: Function that receives each warning when it arises.
-        """
-        self._camera = camera
-        self._calibration = calibration
-        self._given_C = gravity_C
-        self._colour = colour
-        self._on_warning = on_warning
-        self.count: int | None = None
+    def __post_init__(self) -> None:
         self.rate = _FrameRate()
         self._unpaired = self._repeated = 0
         self._slowest_hz: float | None = None
@@ -103,14 +94,14 @@ class LiveFrames:
         ]
         found = [f"{count} {what}" for count, what in counted if count]
         if self._slowest_hz is not None:
-            found.append(f"the frame rate fell to {self._slowest_hz:.1f} Hz of {self._camera.rate_hz:.0f} Hz")
+            found.append(f"the frame rate fell to {self._slowest_hz:.1f} Hz of {self.camera.rate_hz:.0f} Hz")
         return found
 
     def __iter__(self) -> Iterator[NamedFrame]:
-        camera = self._camera
+        camera = self.camera
         gravity, start_s, last_s, number = _GravityAverage(), 0.0, -np.inf, 0
         try:
-            camera.open(colour=self._colour)
+            camera.open(colour=self.colour)
             pinhole = self._pinhole(camera.intrinsics())
             while True:
                 try:
@@ -125,7 +116,7 @@ class LiveFrames:
                 self._check_rate(images.t_s, images.t_s - start_s)
                 if images.force_C is not None:
                     gravity.step(images.t_s, images.force_C)
-                down = self._given_C if self._given_C is not None else gravity.gravity_C
+                down = self.gravity_C if self.gravity_C is not None else gravity.gravity_C
                 yield self._named(number, images, images.t_s - start_s, pinhole, down)
                 number += 1
         finally:
@@ -133,17 +124,17 @@ class LiveFrames:
 
     def _pinhole(self, device: PinholeCamera) -> PinholeCamera:
         """Return the device's intrinsics with the mount of the calibration."""
-        if self._calibration is None:
+        if self.calibration is None:
             return device
-        own = self._calibration.camera
+        own = self.calibration.camera
         if (own.width_px, own.height_px) != (device.width_px, device.height_px):
             raise ImageError(
-                f"{self._camera.name}: the calibration is for {own.width_px}×{own.height_px}, the camera gives "
+                f"{self.camera.name}: the calibration is for {own.width_px}×{own.height_px}, the camera gives "
                 f"{device.width_px}×{device.height_px} pixels; calibrate at this size, or leave --camera out (it gives "
                 "the mount only)"
             )
         if abs(own.fx_px / device.fx_px - 1.0) > SAME_FOCAL:
-            self._on_warning(
+            self.on_warning(
                 f"the calibration's fx = {own.fx_px:.1f} px differs from the device's {device.fx_px:.1f} px by "
                 f"{100.0 * abs(own.fx_px / device.fx_px - 1.0):.1f} %; the device's is used"
             )
@@ -152,7 +143,7 @@ class LiveFrames:
     def _check_rate(self, t_s: float, since_start_s: float) -> None:
         """Warn once when the rate collapses, and again if it collapses after a recovery."""
         self.rate.add(t_s)
-        rate_hz, nominal_hz = self.rate.rate_hz, self._camera.rate_hz
+        rate_hz, nominal_hz = self.rate.rate_hz, self.camera.rate_hz
         if rate_hz is None or since_start_s < 2.0:  # loading the compiled kernels takes a second
             return
         if rate_hz >= 0.5 * nominal_hz:  # automatic exposure in the dark halves the rate at most
@@ -161,8 +152,8 @@ class LiveFrames:
         self._slowest_hz = min(rate_hz, self._slowest_hz or np.inf)
         if not self._collapsed:
             self._collapsed = True
-            self._on_warning(
-                f"{self._camera.name}: {rate_hz:.1f} of {nominal_hz:.0f} frames per second: a USB 2 port, a long exposure in the "
+            self.on_warning(
+                f"{self.camera.name}: {rate_hz:.1f} of {nominal_hz:.0f} frames per second: a USB 2 port, a long exposure in the "
                 "dark, or a slow computer"
             )
 
@@ -170,7 +161,7 @@ class LiveFrames:
         height, width = images.depth_m.shape
         if (width, height) != (camera.width_px, camera.height_px):
             raise ImageError(
-                f"{self._camera.name}: images of {width}×{height} pixels, intrinsics for {camera.width_px}×{camera.height_px}; "
+                f"{self.camera.name}: images of {width}×{height} pixels, intrinsics for {camera.width_px}×{camera.height_px}; "
                 "open the camera again, or update its firmware"
             )
         rgb = images.rgb if images.rgb is not None and images.rgb.shape[:2] == (height, width) else None
@@ -179,15 +170,15 @@ class LiveFrames:
             self._unpaired += 1
             if self._unpaired == 1 and images.rgb_t_s is not None:
                 apart_ms = 1e3 * abs(images.rgb_t_s - images.t_s)
-                self._on_warning(
-                    f"{self._camera.name}: depth and colour are {apart_ms:.0f} ms apart, at most {1e3 * PAIR_S:.0f} ms are paired; "
+                self.on_warning(
+                    f"{self.camera.name}: depth and colour are {apart_ms:.0f} ms apart, at most {1e3 * PAIR_S:.0f} ms are paired; "
                     "depth alone is used"
                 )
         frame = RgbdFrame(t_s=t_s, rgb=black(height, width) if rgb is None else rgb, depth_m=images.depth_m, camera=camera)
         return NamedFrame(
             name=f"{number:06d}",
             frame=frame,
-            mount_known=self._calibration is not None and self._calibration.mount_known,
+            mount_known=self.calibration is not None and self.calibration.mount_known,
             gravity_C=down,
             has_colour=rgb is not None,
             t_s=t_s,
