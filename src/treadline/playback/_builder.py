@@ -30,8 +30,8 @@ from treadline.core.signals import (
 from treadline.core.slip import slower_belt_m_s
 from treadline.io.messages import TRUTH_NAMES
 from treadline.playback._recording import (
+    GUARD,
     SAMPLED,
-    SLIP_WINDOW_S,
     WIDTHS,
     Limits,
     PerceivedStair,
@@ -255,7 +255,6 @@ class RecordingBuilder(SignalCollector):
             seat_pitch_rad=seat_pitch,
         )
         self._drive(0)
-        self._samples["slip"].rows[:] = np.nan
 
     def _clear(self) -> None:
         for column in self._samples.values():
@@ -283,8 +282,9 @@ class RecordingBuilder(SignalCollector):
             steps = speed * dt_s[:, None]
             steps[:1] = travel_m[before] if first else 0.0
             travel_m[before:] = np.cumsum(steps, axis=0)
-        seen = int(np.searchsorted(t_s, t_s[first] - 2.0 * SLIP_WINDOW_S)) if first < len(t_s) else first
-        slip = slip_of(t_s[seen:], samples["p_WB"][seen:], samples["quat_WB"][seen:], self._slower_m.rows[seen:])
+        seen = int(np.searchsorted(t_s, t_s[first] - 2.0 * GUARD["lasting_s"])) if first < len(t_s) else first
+        p_WB, quat_WB, heading_rad = (samples[name][seen:] for name in ("p_WB", "quat_WB", "heading_rad"))
+        slip = slip_of(t_s[seen:], p_WB, quat_WB, self._slower_m.rows[seen:], heading_rad)
         samples["slip"][first:] = slip[first - seen :]
 
     def _hold(self) -> None:

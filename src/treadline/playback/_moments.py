@@ -24,7 +24,7 @@ from treadline.io.mcap_read import has_arrivals
 from treadline.io.runs import LOG
 from treadline.playback._nosings import FrameNosings, perceived_nosings
 from treadline.playback._read_run import manifest_of
-from treadline.playback._recording import SLIP_WINDOW_S, Recording
+from treadline.playback._recording import GUARD, Recording
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.faults import EXTENTS, Fault, payload_shift_m
 from treadline.vehicle.bodies import centre_of_mass
@@ -253,13 +253,13 @@ def described(fault: Fault) -> str:
 def slipping(recording: Recording) -> tuple[Moment, ...]:
     """Return the spans in which the friction cannot carry the chair on the flight, by ground truth.
 
-    Pauses shorter than ``SLIP_WINDOW_S`` are part of a span.
+    Pauses shorter than the window of the slip ratio are part of a span.
     """
     use = np.nan_to_num(recording.friction_use)
     slides = np.r_[False, (use >= 1.0) & on_flight(recording), False]
     edges = np.flatnonzero(np.diff(slides.astype(int)))
     apart = np.ones(len(edges), dtype=bool)
-    pauses = np.flatnonzero(recording.t_s[edges[2::2]] - recording.t_s[edges[1:-1:2] - 1] < SLIP_WINDOW_S)
+    pauses = np.flatnonzero(recording.t_s[edges[2::2]] - recording.t_s[edges[1:-1:2] - 1] < GUARD["lasting_s"])
     apart[2 * pauses + 1] = apart[2 * pauses + 2] = False
     return tuple(
         Moment(

@@ -9,10 +9,11 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any, get_args
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, Shaped
 
 from treadline.core.signals import ROUNDING_S, Event, Phase
 from treadline.core.slip import DRIVEN_LEAST_M, slip_ratio
+from treadline.guard import GuardConfig
 from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription
 from treadline.scenario.scenario import Scenario
 from treadline.vehicle.staircase import Staircase, build_staircase
@@ -20,8 +21,8 @@ from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD
 
 PHASES = get_args(Phase)
 """Names of the events that begin a phase."""
-SLIP_WINDOW_S = 0.5
-"""Time over which belt travel and movement of the chair are compared [s], as in the guard's slip monitor."""
+GUARD: Mapping[str, Any] = {item.name: item.default for item in fields(GuardConfig)}
+"""Limits of the guard that are the same for all chairs, by name."""
 
 FORMER = {"square_rad": "max_heading_error_rad", "deviation": "slip"}
 """Names of two limits in runs of version 0.3 and before."""
@@ -71,6 +72,16 @@ def phases_of(events: Sequence[Event], end_s: float) -> tuple[PhaseSpan, ...]:
     )
 
 
+def phases_at(t_s: Float[np.ndarray, " T"], starts: Sequence[tuple[float, str]]) -> Shaped[np.ndarray, " T"]:
+    """Return the name of the phase at each time; empty before the first.
+
+    Args:
+        starts: Start [s] and name of each phase, in order of time.
+    """
+    names = np.array(["", *(name for _, name in starts)])
+    return np.asarray(names[np.searchsorted([start_s for start_s, _ in starts], t_s, side="right")])
+
+
 def ahead_of(quat_WB: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "n 3"]:
     """Return the direction of B's x axis in W, the first column of the rotation matrix."""
     w, x, y, z = quat_WB.T
@@ -82,17 +93,24 @@ def slip_of(
     p_WB: Float[np.ndarray, "n 3"],
     quat_WB: Float[np.ndarray, "n 4"],
     slower_m: Float[np.ndarray, " n"],
+    heading_rad: Float[np.ndarray, " n"],
 ) -> Float[np.ndarray, " n"]:
-    """Return the slip ratio over the last half second as the guard defines it; NaN where the slower belt hardly moves.
+    """Return the slip ratio over the last half second as the guard defines it; NaN where the guard does not judge it.
+
+    It judges a chair that is square and does not turn, and whose slower belt moves.
 
     Args:
         slower_m: Integral of the slower belt's speed [m].
+        heading_rad: True heading.
     """
-    before = np.searchsorted(t_s, t_s - SLIP_WINDOW_S - ROUNDING_S)
+    before = np.searchsorted(t_s, t_s - GUARD["lasting_s"] - ROUNDING_S)
     driven_m = slower_m - slower_m[before]
     gone_m = ((p_WB - p_WB[before]) * ahead_of(quat_WB)).sum(axis=1)
-    drives = np.abs(driven_m) >= DRIVEN_LEAST_M
-    return np.where(drives, slip_ratio(driven_m - gone_m, np.where(drives, driven_m, 1.0)), np.nan)
+    then_rad = heading_rad[before]
+    is_square = np.maximum(np.abs(heading_rad), np.abs(then_rad)) <= GUARD["square_rad"]
+    is_straight = is_square & (np.abs(heading_rad - then_rad) <= GUARD["slip_turn_rad"])
+    judged = is_straight & (np.abs(driven_m) >= DRIVEN_LEAST_M)
+    return np.where(judged, slip_ratio(driven_m - gone_m, np.where(judged, driven_m, 1.0)), np.nan)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

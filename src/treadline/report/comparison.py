@@ -157,7 +157,7 @@ def _written(value: float, unit: str) -> str:
 
 def _rounded(value: float, digits: int) -> str:
     """Return a value with some digits, or as an integer from 100 on: never in exponential form above 1."""
-    return f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.{digits}g}"
+    return f"{value:.0f}" if abs(value) >= 100.0 else f"{float(f'{value:.{digits}g}'):g}"
 
 
 def _two_digits(value: float) -> str:
