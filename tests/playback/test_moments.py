@@ -14,7 +14,7 @@ from treadline.core.angles import DEG
 from treadline.core.rotations import rotation_y
 from treadline.core.signals import Event, FrameQuality
 from treadline.playback import (
-    LogNotes,
+    Limits,
     NosingComparison,
     PerceivedStair,
     PhaseSpan,
@@ -31,7 +31,6 @@ from treadline.playback._moments import (
     fault_moments,
     holds_of,
     margins_at,
-    notes_of,
     silences,
     slipping,
     tipping_direction,
@@ -121,13 +120,15 @@ def test_a_chair_that_turns_back_on_the_first_nosings_was_not_on_the_flight() ->
 # ---- faults, slip and holds ----
 
 
-def slipping_run() -> tuple[Recording, LogNotes]:
+def slipping_run() -> Recording:
     """Return a chair on the flight that loses friction at 4 s and is held at 5 s after 0.3 m of roll-back."""
     t_s = 0.01 * np.arange(601)
     up_m = 1.0 + 0.1 * np.minimum(t_s, 4.0) - 0.3 * np.clip(t_s - 4.0, 0.0, 1.0)
-    recording = of_pitch(
+    fault = Fault(kind="low_friction", at_s=4.0, for_s=1.5, value=0.35)
+    return of_pitch(
         np.full(601, SLOPE_RAD),
-        scenario=SCENARIO,
+        scenario=SCENARIO.model_copy(update={"fault": (fault,)}),
+        limits=Limits(roll_back_m=0.25),
         friction_use=np.where(t_s < 4.0, 0.86, 2.4),
         place_S=np.column_stack([up_m, np.zeros(601)]),
         events=(
@@ -139,24 +140,22 @@ def slipping_run() -> tuple[Recording, LogNotes]:
         ),
         phases=(PhaseSpan(start_s=0.0, end_s=6.0, name="climb", cause="test"),),
     )
-    fault = Fault(kind="low_friction", at_s=4.0, for_s=1.5, value=0.35)
-    return recording, LogNotes(guard={"roll_back_m": 0.25}, faults=(fault,))
 
 
 def test_a_hold_states_measurement_limit_and_truth_and_what_led_to_it() -> None:
-    recording, notes = slipping_run()
-    (hold,) = holds_of(recording, notes)
+    recording = slipping_run()
+    (hold,) = holds_of(recording)
     assert (hold.start_s, hold.end_s) == (5.0, 5.5)
     assert hold.cause == "rolled back 0.26 m as the guard measured it from the nosings, limit 0.25 m, ground truth 0.30 m"
     assert [(moment.name, moment.t_s) for moment in hold.chain] == [("fault", 4.0), ("slip", 4.0), ("slow", 4.3)]
     assert "low friction" in hold.chain[0].cause
     assert "0.35" in hold.chain[0].cause
-    (unknown,) = holds_of(replace(recording, scenario=None), LogNotes())
+    (unknown,) = holds_of(replace(recording, scenario=None, limits=Limits()))
     assert unknown.cause == "rolled back 0.26 m as the guard measured it from the nosings"
 
 
 def test_the_guard_holds_from_the_hold_to_the_re_arming() -> None:
-    events = slipping_run()[0].events
+    events = slipping_run().events
     assert [holding_at(events, t_s) is not None for t_s in (4.99, 5.0, 5.49, 5.5)] == [False, True, True, False]
 
 
@@ -181,7 +180,7 @@ def test_short_pauses_do_not_divide_a_slip() -> None:
 
 def test_a_fault_after_the_end_of_the_run_is_no_moment() -> None:
     faults = [Fault(kind="camera_lost", at_s=2.0, for_s=9.0), Fault(kind="camera_lost", at_s=50.0)]
-    (found,) = fault_moments(faults, 6.0)
+    (found,) = fault_moments(of_pitch(np.zeros(601), scenario=SCENARIO.model_copy(update={"fault": tuple(faults)})))
     assert (found.t_s, found.end_s) == (2.0, 6.0)
     assert found.cause == "camera lost injected: no frame, heading or map arrives, until 11.0 s"
 
@@ -196,8 +195,8 @@ def seen_at(t_s: float) -> PerceivedStair:
 def test_a_silent_camera_and_frames_without_a_stair_are_separated() -> None:
     """Test: 10 Hz; no frame from 2 s to 3 s, one frame lost at 4 s, no stair from 5 s on. Expected: two spans and their names."""
     times = [round(0.1 * k, 1) for k in range(80) if not 20 < k < 30 and k != 40]
-    recording = of_pitch(np.zeros(800), maps=tuple(seen_at(t_s) for t_s in times if t_s <= 5.0))
-    silent, unseen = silences(recording, np.array(times))
+    maps = tuple(seen_at(t_s) for t_s in times if t_s <= 5.0)
+    silent, unseen = silences(of_pitch(np.zeros(800), maps=maps, exposures_s=np.array(times)))
     assert (silent.name, silent.t_s, silent.end_s) == ("no camera frame", 2.0, 3.0)
     assert (unseen.name, unseen.t_s, unseen.end_s) == ("no stair perceived", 5.0, pytest.approx(7.99))
     assert "29 frames, none with a stair" in unseen.cause
@@ -205,7 +204,7 @@ def test_a_silent_camera_and_frames_without_a_stair_are_separated() -> None:
 
 def test_a_log_that_does_not_count_frames_says_so() -> None:
     recording = of_pitch(np.zeros(800), maps=(seen_at(0.0),))
-    (found,) = silences(recording, None)
+    (found,) = silences(recording)
     assert "does not say whether there were frames" in found.cause
 
 
@@ -213,20 +212,18 @@ def test_exposures_and_limits_come_from_the_files_of_a_run(written: Written) -> 
     """Test: frame qualities in the log, one with and one without an obstacle. Expected: their stamps, the guard's limits."""
     quality = FrameQuality(t_s=0.1, fingerprint=1, brightness=0.5, contrast=0.2, valid_share=0.9)
     looked = [(quality, 0.16), (replace(quality, t_s=0.2, obstacle_m=1.0), 0.26)]
-    notes = notes_of(read_recording(written([*signals_of_a_run(), *looked])))
-    assert notes.exposures_s is not None
-    np.testing.assert_allclose(notes.exposures_s, [0.1, 0.2])
-    assert notes.guard["pitch_rate_rad_s"] == 0.4
-    assert notes_of(of_pitch(np.zeros(3))).exposures_s is None
+    recording = read_recording(written([*signals_of_a_run(), *looked]))
+    np.testing.assert_allclose(recording.exposures_s, [0.1, 0.2])
+    assert recording.limits.pitch_rate_rad_s == 0.4
+    assert of_pitch(np.zeros(3)).exposures_s is None
 
 
 def test_all_moments_come_in_order_of_time() -> None:
-    recording, notes = slipping_run()
-    found = findings_of(recording, notes)
+    found = findings_of(slipping_run())
     times = [moment.t_s for moment in found.moments]
     assert times == sorted(times)
     assert {"fault", "slip", "hold", "slow", "climb"} <= {moment.name for moment in found.moments}
-    assert findings_of(of_pitch([]), LogNotes()).moments == ()
+    assert findings_of(of_pitch([])).moments == ()
 
 
 # ---- nosings ----

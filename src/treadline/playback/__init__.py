@@ -8,7 +8,6 @@ from treadline.playback._builder import RecordingBuilder, SignalCollector
 from treadline.playback._moments import (
     Findings,
     Hold,
-    LogNotes,
     Moment,
     findings_of,
     holding_at,

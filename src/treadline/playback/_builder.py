@@ -143,6 +143,8 @@ class RecordingBuilder(SignalCollector):
         self._chair, self._scenario, self._seed, self._source = chair, scenario, seed, source
         self.limits = Limits() if limits is None else limits
         """Limits of the run, which may be known later than its first signals."""
+        self.exposures_s: Float[np.ndarray, " E"] | None = None
+        """Exposure times of all frames that the mission received [s]; None if unknown."""
         self._tables = {kind: GrowingRows(len(names)) for kind, names in COLUMNS.items() if kind is not Truth}
         self._samples = {name: GrowingRows(*([WIDTHS[name]] if name in WIDTHS else [])) for name in SAMPLED}
         self._slower_m = GrowingRows()
@@ -184,6 +186,7 @@ class RecordingBuilder(SignalCollector):
             phases=phases_of(self._events, float(samples["t_s"][-1]) if len(samples["t_s"]) else 0.0),
             maps=self._perceive(samples["t_s"], samples["p_WB"], samples["quat_WB"]),
             frames_t_s=np.array(self._frames_t_s, dtype=float),
+            exposures_s=self.exposures_s,
             chair=self._chair,
             scenario=self._scenario,
             seed=self._seed,

@@ -30,7 +30,7 @@ FORMER = {"square_rad": "max_heading_error_rad", "deviation": "slip"}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """Limits of a run that plots draw, by the guard's names; None where the run does not state the limit."""
+    """Limits of a run that plots and texts show, by the guard's names; None where the run does not state the limit."""
 
     margin_rad: float | None = MARGIN_LIMIT_RAD
     """Least accepted tip-over margin [rad]."""
@@ -42,6 +42,8 @@ class Limits:
     """Largest heading error over crest and edge [rad]."""
     deviation: float | None = None
     """Slip ratio beyond which the guard restricts the speed."""
+    roll_back_m: float | None = None
+    """Roll-back beyond which the guard holds [m]."""
     seat_rad: float | None = None
     """Deviation of the seat from horizontal beyond which the guard holds [rad]."""
 
@@ -184,6 +186,8 @@ class Recording:
     frames_t_s: Float[np.ndarray, " F"]
     """Exposure times of the camera images in the log [s]; ``read_frames`` returns them."""
     chair: ChairDescription
+    exposures_s: Float[np.ndarray, " E"] | None = None
+    """Exposure times of all frames that the mission received, with or without a stair [s]; None if unknown."""
     scenario: Scenario | None = None
     """Scenario of the run; None for a log on its own, which does not say on which stair the chair drove."""
     seed: int = 0
@@ -263,7 +267,9 @@ WIDTHS = {
     "p_WB": 3, "quat_WB": 4, "belt_m_s": 2, "belt_travel_m": 2, "belt_force_n": 2, "command_m_s": 2, "passenger_W": 3, "place_S": 2,
 }  # fmt: skip
 """Numbers per sample of the fields that have more than one."""
-SAMPLED = tuple(item.name for item in fields(Recording) if "ndarray" in str(item.type) and item.name != "frames_t_s")
+SAMPLED = tuple(
+    item.name for item in fields(Recording) if "ndarray" in str(item.type) and item.name not in ("frames_t_s", "exposures_s")
+)
 """Fields with one row per sample."""
 
 

@@ -15,7 +15,7 @@ from treadline.identification.excitation_signal import Excitation, ExcitationCon
 from treadline.io.records import write_record
 from treadline.io.runs import INPUTS, OUTPUTS, RECORD
 from treadline.run.episode import Traverse, Watch, run_episode
-from treadline.run.recorded_run import write_run
+from treadline.run.recorded_run import recorded_run
 from treadline.run.resolve import Opener, PlantName, resolve
 from treadline.scenario.scenario import Scenario
 
@@ -93,7 +93,7 @@ def excite(
     if folder is None:
         run = run_episode(setup, watch=watch)
     else:
-        run = write_run(folder, setup, {"excitation": asdict(config)}, image_every=image_every, watch=watch)
+        run = recorded_run(folder, setup, {"excitation": asdict(config)}, image_every=image_every, watch=watch)
     excited = Excited(record=driver.record(samples), run=run)
     if folder is not None:
         write_record(folder / RECORD, excited.record, driver.t_s[0] if driver.t_s else 0.0)
