@@ -254,16 +254,16 @@ def _seen(variation: Variation) -> Outcome:
 def _identified(variation: Variation) -> Outcome:
     nominal = plan.without_images(plan.excitation(plan.CONTROLLER_GROUND))
     scenario = variation.scenario(nominal)
-    excited = excite(
+    record, run = excite(
         scenario,
         samples=SAMPLES,
         period_s=PERIOD_S,
         seed=variation.seed,
         open_plant=variation.opener(scenario.chair.model),
     )
-    if len(excited.record) < SAMPLES:
-        return f"{excited.run.verdict}: {excited.run.cause}", {}
-    report = identify(excited.record, IdentificationOptions(method="okid-era")).report
+    if len(record) < SAMPLES:
+        return f"{run.verdict}: {run.cause}", {}
+    report = identify(record, IdentificationOptions(method="okid-era")).report
     # The heading integrates: its pole lies near 1. The next one is the chair's and its drives'.
     poles = sorted((math.hypot(*pole) for pole in report.poles), reverse=True)
     return "ok", {

@@ -10,13 +10,15 @@ import numpy as np
 import pytest
 
 from treadline.core.errors import SettingsError, TreadlineError
+from treadline.core.models import InputOutputRecord
 from treadline.core.ports import Truth
 from treadline.identification.excitation_signal import ExcitationConfig
 from treadline.io import runs
 from treadline.io.mcap_read import read_log
 from treadline.io.records import read_record
 from treadline.io.runs import INPUTS, OUTPUTS, begin_run, read_series, write_manifest, write_result, write_series
-from treadline.run.excitation_run import Excited, excite
+from treadline.run.episode import Traverse
+from treadline.run.excitation_run import excite
 from treadline.scenario.scenario import read_scenario
 
 
@@ -99,24 +101,24 @@ SCENARIO = read_scenario("paper-28")
 
 
 @pytest.fixture(scope="module")
-def excited(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Excited]:
+def excited(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, InputOutputRecord, Traverse]:
     folder = tmp_path_factory.mktemp("run")
-    return folder, excite(SCENARIO, folder=folder, samples=20, period_s=0.05, seed=1, image_every=5)
+    return folder, *excite(SCENARIO, folder=folder, samples=20, period_s=0.05, seed=1, image_every=5)
 
 
-def test_the_files_of_a_run_hold_what_it_returned(excited: tuple[Path, Excited]) -> None:
-    folder, run = excited
+def test_the_files_of_a_run_hold_what_it_returned(excited: tuple[Path, InputOutputRecord, Traverse]) -> None:
+    folder, record, run = excited
     back = read_record(folder, INPUTS, OUTPUTS)
-    np.testing.assert_array_equal(back.u, run.record.u)
-    np.testing.assert_array_equal(back.y, run.record.y)
+    np.testing.assert_array_equal(back.u, record.u)
+    np.testing.assert_array_equal(back.y, record.y)
     truth = [signal for signal in read_log(folder / "log.mcap") if isinstance(signal, Truth)]
-    np.testing.assert_array_equal([sample.heading_rad for sample in truth], run.run.trace["heading_rad"])
+    np.testing.assert_array_equal([sample.heading_rad for sample in truth], run.trace["heading_rad"])
     # Every tenth sample, in degrees, of six significant digits.
-    wanted = np.rad2deg(run.run.trace["heading_rad"][::10])
+    wanted = np.rad2deg(run.trace["heading_rad"][::10])
     np.testing.assert_allclose(read_series(folder)["heading_deg"], wanted, rtol=5e-6)
 
 
-def test_the_manifest_says_what_pulls_the_chair_back(excited: tuple[Path, Excited]) -> None:
+def test_the_manifest_says_what_pulls_the_chair_back(excited: tuple[Path, InputOutputRecord, Traverse]) -> None:
     entry = json.loads((excited[0] / "manifest.json").read_text())["excitation"]
     assert entry == asdict(ExcitationConfig(mean_m_s=SCENARIO.drive.speed_m_s))
     assert entry["pull_m_s_per_rad"] > 0.0

@@ -14,7 +14,7 @@ from treadline.core.angles import DEG
 from treadline.core.rotations import rotation_y
 from treadline.core.signals import Event, FrameQuality
 from treadline.playback import (
-    LogNotes,
+    Limits,
     NosingComparison,
     PerceivedStair,
     PhaseSpan,
@@ -26,16 +26,7 @@ from treadline.playback import (
     perceived_text,
     read_recording,
 )
-from treadline.playback._moments import (
-    crossings,
-    fault_moments,
-    holds_of,
-    margins_at,
-    notes_of,
-    silences,
-    slipping,
-    tipping_direction,
-)
+from treadline.playback import _moments as moments
 from treadline.scenario.chair import read_chair
 from treadline.scenario.faults import Fault
 from treadline.scenario.scenario import Chair, Scenario, Stair
@@ -79,7 +70,7 @@ def climb_and_land() -> np.ndarray:
 def test_the_crest_is_when_the_pitch_leaves_the_slope_and_not_when_it_was_recognised(known: bool) -> None:
     """Test: a "crest" phase at 12 s, a pitch that falls from 20 s to 23 s, with and without a scenario."""
     events = (Event(t_s=12.0, name="crest", cause="end of the flight, seen"),)
-    found = crossings(of_pitch(climb_and_land(), events=events, scenario=SCENARIO if known else None))
+    found = moments.crossings(of_pitch(climb_and_land(), events=events, scenario=SCENARIO if known else None))
     assert [moment.name for moment in found] == [
         "front lifts onto the first nosing",
         "parallel to the flight",
@@ -93,41 +84,43 @@ def test_the_crest_is_when_the_pitch_leaves_the_slope_and_not_when_it_was_recogn
 
 def test_a_descent_tips_over_the_edge_first_and_ends_on_the_floor() -> None:
     """Test: the same pitch, driven backwards. Expected: the names of a descent; the nose is up in both."""
-    names = [moment.name for moment in crossings(of_pitch(climb_and_land(), speed_m_s=-0.1, scenario=SCENARIO))]
+    names = [moment.name for moment in moments.crossings(of_pitch(climb_and_land(), speed_m_s=-0.1, scenario=SCENARIO))]
     assert names == ["tips over the top edge", "parallel to the flight", "lower end on the floor", "level on the floor"]
 
 
 def test_noise_and_an_unfinished_crest_give_no_false_moment() -> None:
     pitch = climb_and_land()[:2150] + np.random.default_rng(1).normal(0.0, 0.2 * DEG, 2150)
-    found = crossings(of_pitch(pitch, scenario=SCENARIO))
+    found = moments.crossings(of_pitch(pitch, scenario=SCENARIO))
     # The run ends before the pitch is below half the slope: the chair may still come back.
     assert [moment.name for moment in found] == ["front lifts onto the first nosing", "parallel to the flight"]
-    assert crossings(of_pitch(np.zeros(500))) == ()
-    assert crossings(of_pitch(np.full(500, SLOPE_RAD), scenario=SCENARIO)) == ()
+    assert moments.crossings(of_pitch(np.zeros(500))) == ()
+    assert moments.crossings(of_pitch(np.full(500, SLOPE_RAD), scenario=SCENARIO)) == ()
 
 
 def test_a_chair_that_slides_back_to_the_floor_does_not_cross_the_crest() -> None:
     """Test: the same pitch and belts that climb, but the chair ends where it began. Expected: the moments of the floor."""
     height_m = np.interp(0.01 * np.arange(3000), [0.0, 2.0, 6.0, 15.0, 20.0, 23.0], [0.0, 0.0, 0.5, 1.5, 0.5, 0.0])
     place = np.column_stack([np.zeros((3000, 2)), height_m])
-    names = [moment.name for moment in crossings(of_pitch(climb_and_land(), scenario=SCENARIO, p_WB=place))]
+    names = [moment.name for moment in moments.crossings(of_pitch(climb_and_land(), scenario=SCENARIO, p_WB=place))]
     assert names[2:] == ["lower end on the floor", "level on the floor"]
 
 
 def test_a_chair_that_turns_back_on_the_first_nosings_was_not_on_the_flight() -> None:
-    assert crossings(of_pitch(0.7 * climb_and_land(), scenario=SCENARIO)) == ()
+    assert moments.crossings(of_pitch(0.7 * climb_and_land(), scenario=SCENARIO)) == ()
 
 
 # ---- faults, slip and holds ----
 
 
-def slipping_run() -> tuple[Recording, LogNotes]:
+def slipping_run() -> Recording:
     """Return a chair on the flight that loses friction at 4 s and is held at 5 s after 0.3 m of roll-back."""
     t_s = 0.01 * np.arange(601)
     up_m = 1.0 + 0.1 * np.minimum(t_s, 4.0) - 0.3 * np.clip(t_s - 4.0, 0.0, 1.0)
-    recording = of_pitch(
+    fault = Fault(kind="low_friction", at_s=4.0, for_s=1.5, value=0.35)
+    return of_pitch(
         np.full(601, SLOPE_RAD),
-        scenario=SCENARIO,
+        scenario=SCENARIO.model_copy(update={"fault": (fault,)}),
+        limits=Limits(roll_back_m=0.25),
         friction_use=np.where(t_s < 4.0, 0.86, 2.4),
         place_S=np.column_stack([up_m, np.zeros(601)]),
         events=(
@@ -139,24 +132,22 @@ def slipping_run() -> tuple[Recording, LogNotes]:
         ),
         phases=(PhaseSpan(start_s=0.0, end_s=6.0, name="climb", cause="test"),),
     )
-    fault = Fault(kind="low_friction", at_s=4.0, for_s=1.5, value=0.35)
-    return recording, LogNotes(guard={"roll_back_m": 0.25}, faults=(fault,))
 
 
 def test_a_hold_states_measurement_limit_and_truth_and_what_led_to_it() -> None:
-    recording, notes = slipping_run()
-    (hold,) = holds_of(recording, notes)
+    recording = slipping_run()
+    (hold,) = moments.holds_of(recording)
     assert (hold.start_s, hold.end_s) == (5.0, 5.5)
     assert hold.cause == "rolled back 0.26 m as the guard measured it from the nosings, limit 0.25 m, ground truth 0.30 m"
     assert [(moment.name, moment.t_s) for moment in hold.chain] == [("fault", 4.0), ("slip", 4.0), ("slow", 4.3)]
     assert "low friction" in hold.chain[0].cause
     assert "0.35" in hold.chain[0].cause
-    (unknown,) = holds_of(replace(recording, scenario=None), LogNotes())
+    (unknown,) = moments.holds_of(replace(recording, scenario=None, limits=Limits()))
     assert unknown.cause == "rolled back 0.26 m as the guard measured it from the nosings"
 
 
 def test_the_guard_holds_from_the_hold_to_the_re_arming() -> None:
-    events = slipping_run()[0].events
+    events = slipping_run().events
     assert [holding_at(events, t_s) is not None for t_s in (4.99, 5.0, 5.49, 5.5)] == [False, True, True, False]
 
 
@@ -165,7 +156,7 @@ def test_slip_counts_on_the_flight_alone() -> None:
     t_s = 0.01 * np.arange(500)
     use = np.where((t_s >= 1.0) & (t_s < 3.0), 1.5, 0.5)
     pitch = np.where(t_s < 2.0, 0.0, SLOPE_RAD)
-    (found,) = slipping(of_pitch(pitch, scenario=SCENARIO, friction_use=use))
+    (found,) = moments.slipping(of_pitch(pitch, scenario=SCENARIO, friction_use=use))
     assert (found.t_s, found.end_s) == (pytest.approx(2.0), pytest.approx(2.99))
     assert "150%" in found.cause
 
@@ -174,14 +165,14 @@ def test_short_pauses_do_not_divide_a_slip() -> None:
     """Test: slip from 1 s to 3 s with a pause of 0.3 s, and from 4 s to 5 s. Expected: two spans."""
     t_s = 0.01 * np.arange(600)
     slides = ((t_s >= 1.0) & (t_s < 3.0) & ~((t_s >= 2.0) & (t_s < 2.3))) | ((t_s >= 4.0) & (t_s < 5.0))
-    found = slipping(of_pitch(np.full(600, SLOPE_RAD), scenario=SCENARIO, friction_use=np.where(slides, 1.2, 0.5)))
+    found = moments.slipping(of_pitch(np.full(600, SLOPE_RAD), scenario=SCENARIO, friction_use=np.where(slides, 1.2, 0.5)))
     assert [(moment.t_s, moment.end_s) for moment in found] == [(1.0, pytest.approx(2.99)), (4.0, pytest.approx(4.99))]
-    assert slipping(of_pitch(np.full(600, SLOPE_RAD), scenario=SCENARIO, friction_use=np.full(600, 0.5))) == ()
+    assert moments.slipping(of_pitch(np.full(600, SLOPE_RAD), scenario=SCENARIO, friction_use=np.full(600, 0.5))) == ()
 
 
 def test_a_fault_after_the_end_of_the_run_is_no_moment() -> None:
     faults = [Fault(kind="camera_lost", at_s=2.0, for_s=9.0), Fault(kind="camera_lost", at_s=50.0)]
-    (found,) = fault_moments(faults, 6.0)
+    (found,) = moments.fault_moments(of_pitch(np.zeros(601), scenario=SCENARIO.model_copy(update={"fault": tuple(faults)})))
     assert (found.t_s, found.end_s) == (2.0, 6.0)
     assert found.cause == "camera lost injected: no frame, heading or map arrives, until 11.0 s"
 
@@ -196,8 +187,8 @@ def seen_at(t_s: float) -> PerceivedStair:
 def test_a_silent_camera_and_frames_without_a_stair_are_separated() -> None:
     """Test: 10 Hz; no frame from 2 s to 3 s, one frame lost at 4 s, no stair from 5 s on. Expected: two spans and their names."""
     times = [round(0.1 * k, 1) for k in range(80) if not 20 < k < 30 and k != 40]
-    recording = of_pitch(np.zeros(800), maps=tuple(seen_at(t_s) for t_s in times if t_s <= 5.0))
-    silent, unseen = silences(recording, np.array(times))
+    maps = tuple(seen_at(t_s) for t_s in times if t_s <= 5.0)
+    silent, unseen = moments.silences(of_pitch(np.zeros(800), maps=maps, exposures_s=np.array(times)))
     assert (silent.name, silent.t_s, silent.end_s) == ("no camera frame", 2.0, 3.0)
     assert (unseen.name, unseen.t_s, unseen.end_s) == ("no stair perceived", 5.0, pytest.approx(7.99))
     assert "29 frames, none with a stair" in unseen.cause
@@ -205,7 +196,7 @@ def test_a_silent_camera_and_frames_without_a_stair_are_separated() -> None:
 
 def test_a_log_that_does_not_count_frames_says_so() -> None:
     recording = of_pitch(np.zeros(800), maps=(seen_at(0.0),))
-    (found,) = silences(recording, None)
+    (found,) = moments.silences(recording)
     assert "does not say whether there were frames" in found.cause
 
 
@@ -213,20 +204,18 @@ def test_exposures_and_limits_come_from_the_files_of_a_run(written: Written) -> 
     """Test: frame qualities in the log, one with and one without an obstacle. Expected: their stamps, the guard's limits."""
     quality = FrameQuality(t_s=0.1, fingerprint=1, brightness=0.5, contrast=0.2, valid_share=0.9)
     looked = [(quality, 0.16), (replace(quality, t_s=0.2, obstacle_m=1.0), 0.26)]
-    notes = notes_of(read_recording(written([*signals_of_a_run(), *looked])))
-    assert notes.exposures_s is not None
-    np.testing.assert_allclose(notes.exposures_s, [0.1, 0.2])
-    assert notes.guard["pitch_rate_rad_s"] == 0.4
-    assert notes_of(of_pitch(np.zeros(3))).exposures_s is None
+    recording = read_recording(written([*signals_of_a_run(), *looked]))
+    np.testing.assert_allclose(recording.exposures_s, [0.1, 0.2])
+    assert recording.limits.pitch_rate_rad_s == 0.4
+    assert of_pitch(np.zeros(3)).exposures_s is None
 
 
 def test_all_moments_come_in_order_of_time() -> None:
-    recording, notes = slipping_run()
-    found = findings_of(recording, notes)
+    found = findings_of(slipping_run())
     times = [moment.t_s for moment in found.moments]
     assert times == sorted(times)
     assert {"fault", "slip", "hold", "slow", "climb"} <= {moment.name for moment in found.moments}
-    assert findings_of(of_pitch([]), LogNotes()).moments == ()
+    assert findings_of(of_pitch([])).moments == ()
 
 
 # ---- nosings ----
@@ -288,15 +277,15 @@ def standing(payload_m: tuple[float, float, float]) -> Recording:
 )
 def test_a_shifted_load_tips_the_chair_towards_itself(payload_m: tuple[float, float, float], direction: str) -> None:
     recording = standing(payload_m)
-    margins = margins_at(recording, 0)
+    margins = moments.margins_at(recording, 0)
     logged = replace(recording, margin_rad=np.array([min(astuple(margins))]))
-    assert tipping_direction(logged, 0) == direction
+    assert moments.tipping_direction(logged, 0) == direction
 
 
 def test_a_logged_margin_that_no_direction_explains_has_none() -> None:
     recording = standing((0.3, 0.0, 0.0))
-    assert tipping_direction(replace(recording, margin_rad=np.array([80.0 * DEG])), 0) is None
-    assert tipping_direction(replace(recording, scenario=None), 0) is None
+    assert moments.tipping_direction(replace(recording, margin_rad=np.array([80.0 * DEG])), 0) is None
+    assert moments.tipping_direction(replace(recording, scenario=None), 0) is None
     assert least_margin(replace(recording, margin_rad=np.array([math.nan]))) is None
 
 
@@ -307,6 +296,6 @@ def test_the_margins_are_those_of_the_simulator(driven: tuple[Recording, Stairca
     """
     recording, _ = driven
     count = len(recording.t_s)
-    deviations = [abs(min(astuple(margins_at(recording, k))) - recording.margin_rad[k]) for k in range(50, count, 5)]
+    deviations = [abs(min(astuple(moments.margins_at(recording, k))) - recording.margin_rad[k]) for k in range(50, count, 5)]
     assert np.quantile(deviations, 0.9) < 0.1 * DEG
-    assert tipping_direction(recording, count - 1) == "backward"
+    assert moments.tipping_direction(recording, count - 1) == "backward"

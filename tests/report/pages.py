@@ -18,7 +18,7 @@ from treadline.identification._era import HankelSvd
 from treadline.identification.stabilisation import stabilisation_of_svd
 from treadline.playback import Recording
 from treadline.report import write_report
-from treadline.report.identification_page import write_identification_page
+from treadline.report.identification_page import IdentificationPage
 from treadline.report.player_page import player_page
 from treadline.scenario.faults import Fault
 
@@ -158,7 +158,7 @@ def identification_page(folder: Path, model: LinearModel | None = None, judged: 
     path = folder / "page.html"
     diagram = stabilisation_of_svd(svd, model.dt_s, chosen=model.order)
     extras = {"judge": judge} if bare else {"judge": judge, "intervals": there.intervals, "stabilisation": diagram}
-    write_identification_page(path, model, report, fitted, records, title=title, **extras)
+    IdentificationPage(title=title, model=model, said=report, records=fitted, judged=records, **extras).write(path)
     return path.read_text(encoding="utf-8")
 
 

@@ -14,7 +14,7 @@ from treadline.core import transfer_function as transfer
 from treadline.core.arrays import decimated
 from treadline.core.errors import TreadlineError
 from treadline.report import _model_runs as runs
-from treadline.report.identification_page import write_identification_page
+from treadline.report.identification_page import IdentificationPage
 
 from .pages import A_CALM, ONE, TWO, found, identification_page, identified, model_with, record_of
 
@@ -51,7 +51,9 @@ def test_the_same_numbers_give_the_same_bytes(tmp_path: Path) -> None:
 def test_a_page_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     there = found()
     with pytest.raises(TreadlineError, match="cannot be written"):
-        write_identification_page(tmp_path, there.model, there.report, there.fitted, there.judged, title="")
+        IdentificationPage(title="", model=there.model, said=there.report, records=there.fitted, judged=there.judged).write(
+            tmp_path
+        )
 
 
 @pytest.mark.parametrize("A", [A_CALM, [[0.5, 1.0], [0.0, 0.5]]], ids=["diagonalisable", "defective"])

@@ -9,10 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from page_text import unpacked
 
-from treadline.playback import Recording
+from treadline.guard._guard_config import FLIGHT
+from treadline.playback import PhaseSpan, Recording, findings_of
 from treadline.report._player_data import scene_of, uniform
+from treadline.report.answers import moments_of
 from treadline.report.html_pages import packed
 from treadline.report.player_page import write_player
+from treadline.report.plot_table import PLOTS
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair
 from treadline.vehicle.appearance import body_poses, chair_parts
@@ -61,6 +64,18 @@ def test_a_long_run_is_decimated_and_gaps_of_a_bag_get_equal_steps(recording: Re
     gap = recording.sampled(np.r_[0:200, 400:600], np.r_[recording.t_s[:200], recording.t_s[400:600]])
     assert np.ptp(np.diff(uniform(gap).t_s)) < 1e-9
     assert len(uniform(gap).t_s) == 600
+
+
+def test_heading_errors_are_judged_on_flights_and_not_in_turns(recording: Recording) -> None:
+    """Test: the true heading is that of another flight, by 180°, during a turn. Expected: the estimate is 0.2° off at most."""
+    spans = [PhaseSpan(start_s=k, end_s=k + 1.0, name=name, cause="") for k, name in enumerate(("climb", "turn", "climb"))]
+    turns = (recording.t_s >= 1.0) & (recording.t_s < 2.0)
+    turned = replace(recording, phases=tuple(spans), heading_rad=recording.heading_rad + np.where(turns, np.pi, 0.0))
+    assert moments_of(turned, findings_of(turned))[-1]["label"].startswith("largest heading error of the estimate 0.2°")
+
+
+def test_the_limit_of_the_slip_is_drawn_where_the_guard_judges_slip() -> None:
+    assert [plot.limit.phases for plot in PLOTS if plot.title == "slip"] == [FLIGHT]
 
 
 def test_the_page_is_small(tmp_path: Path) -> None:

@@ -1,7 +1,6 @@
 """The page of a reproduction: the same bytes each time; a folder that is not whole is refused in one line."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +11,8 @@ from treadline.core.printing import p_text
 from treadline.report import write_report
 from treadline.report.html_pages import ratio
 
-from .conftest import write_run
+from .conftest import MakeFolder, Tables, write_run
 from .pages import with_pages
-
-Tables = dict[str, Any]
-MakeFolder = Callable[..., Path]
 
 
 def refused(folder: Path) -> str:

@@ -30,14 +30,6 @@ from treadline.ros.node_process import NodeRunner, PlantRunner
 from treadline.ros.plant_node import PlantNode
 from treadline.scenario.chair import read_chair
 
-
-class Bench(ReplayPlant):
-    """A plant without readings."""
-
-    def __init__(self) -> None:
-        super().__init__([])
-
-
 SEAT_STATE = "treadline_msgs/msg/SeatState"
 
 
@@ -126,7 +118,7 @@ def test_clocks_that_differ_at_the_start(capsys: Any, monkeypatch: pytest.Monkey
 def test_two_guards_on_one_bus_hold_and_name_each_other() -> None:
     """Test: a second guard appears while the first drives. Expected result: both hold, the plant brakes whatever either commands,
     and each line names both and says what to do."""
-    bus, plant = InProcess(), PlantNode(Bench(), limits())
+    bus, plant = InProcess(), PlantNode(ReplayPlant([]), limits())
     guards = [GuardNode(limits(needs_heading=False, watches_motion=False), sender=f"guard-{k}") for k in (1, 2)]
     states: list[PlantState] = []
     held: list[on.GuardState] = []
@@ -169,7 +161,7 @@ def test_a_guard_that_is_never_ready() -> None:
 def test_a_first_tick_that_compiles_is_no_standstill(monkeypatch: pytest.MonkeyPatch) -> None:
     air, wall = Air(), itertools.count(50.0, 0.005)
 
-    plant = Bench()
+    plant = ReplayPlant([])
     plant.start = lambda: air.say(on.DIAGNOSTICS, on.Beat(t_s=0.0, node="guard"))  # type: ignore[method-assign]
     plant.advance = lambda _: next(itertools.islice(wall, 200, None))  # type: ignore[assignment, method-assign]
     for module in ("ros.node_process", "core.loop_watchdog"):

@@ -243,12 +243,6 @@ def test_no_more_than_a_tenth_of_a_metre_is_shifted() -> None:
         assert refused is None or declared.chair.seat_shift_m == 0.0
 
 
-def test_what_stands_still_is_neither_there_nor_refused_when_its_time_is_up() -> None:
-    run = Trip(duration_s=0.5).run()
-    assert (run.verdict, run.cause) == ("time_up", None)
-    assert run.scores.duration_s == pytest.approx(0.5)
-
-
 def test_a_held_chair_that_is_watched_on_and_tips_has_fallen(monkeypatch: pytest.MonkeyPatch) -> None:
     """Test: held for a stalled track; the same, and a second later its tilt is beyond what counts. Expected result: held; fell."""
     trip = Trip(fault=({"kind": "track_stalled", "at_s": 1.0},))
@@ -313,10 +307,10 @@ def test_a_plant_without_ground_truth_runs_and_has_no_scores(tmp_path: Path) -> 
     setup = resolve(scenario, seed=5, open_plant=blindfolded)
     run = recorded_run(tmp_path, setup)
     known = run_episode(resolve(scenario, seed=5))
-    assert (run.verdict, run.scores, known.verdict) == ("time_up", None, "time_up")
+    assert (run.verdict, run.scores, known.verdict, known.cause) == ("time_up", None, "time_up", None)
     np.testing.assert_array_equal(run.estimate_rad, known.estimate_rad)
     result = json.loads((tmp_path / "result.json").read_text())
-    assert (result["duration_s"], result["phases"][0]) == (pytest.approx(0.5), [0.0, "search"])
+    assert (result["duration_s"], known.scores.duration_s, *result["phases"][0]) == (*[pytest.approx(0.5)] * 2, 0.0, "search")
     assert not {"rms_heading_deg", "roll_back_m", "energy_wh"} & set(result)
     assert (tmp_path / "series.csv").read_text().splitlines()[0] == "t_s,estimate_deg"
 

@@ -26,6 +26,13 @@ def test_a_ramp_of_t_seconds_has_the_rms_of_its_triangle() -> None:
     assert score(trace(heading)).rms_heading_deg == pytest.approx(30.0 * math.sqrt(4.0 / 240.0), rel=2e-3)
 
 
+def test_the_heading_is_scored_on_flights_and_not_in_turns() -> None:
+    """Test: 1° on two flights, and a turn by 90° between them. Expected: 1°, from the beginning on."""
+    heading = np.concatenate([np.full(300, 1.0), np.linspace(0.0, 90.0, 300), np.full(300, 1.0)])
+    scores = score(trace(heading), ((0.0, "climb"), (3.0, "turn"), (6.0, "search")))
+    assert (scores.rms_heading_deg, scores.max_abs_heading_deg, scores.settle_s) == pytest.approx((1.0, 1.0, 0.0))
+
+
 def test_settling_is_the_last_entry_into_the_band() -> None:
     t = np.arange(1001) / 100
     heading = np.where(t < 1.0, 10.0, 0.0)

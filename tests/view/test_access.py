@@ -144,12 +144,12 @@ UNREADABLE = [
 
 def test_the_pages_connection_carries_jumps_and_reports_of_the_handset(capfd: pytest.CaptureFixture[str]) -> None:
     """Test: a jump, nonsense, and a report of a person who drives. Expected: cursor and handset follow; nonsense is counted."""
-    from treadline.view.app import Stage
+    from treadline.view.app import App
 
     session, handlers = session_of(a_run(), live=True, attended=True), {}
     session.set_manual(manual=True)
     guarded = GuardedServer("127.0.0.1", 0, handlers)
-    handlers["page"] = Stage(guarded, session).page
+    handlers["page"] = App(guarded, session).page
     address = f"127.0.0.1:{guarded.rules.port}"
     with connect(f"ws://{address}/{guarded.rules.token}/page", origin=f"http://{address}") as page:
         first = json.loads(page.recv(timeout=5))

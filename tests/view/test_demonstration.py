@@ -30,7 +30,7 @@ def test_the_demonstration_begins_where_the_chair_begins_to_climb_and_starts_aga
     session = open_demonstration()
     session.play(playing=True)
     assert session.run.phase_at(session.cursor_s).name == "mount"
-    session.seek(session.feed.end_s - 0.1)
+    session.seek(session.run.duration_s - 0.1)
     session.advance(1.0)
     assert (session.playing, session.cursor_s) == (True, 0.0)
 

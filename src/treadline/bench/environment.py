@@ -15,7 +15,7 @@ from treadline.bench.observers import LIMITS, Oracle, Tracker
 from treadline.bench.tasks import TaskSetup
 from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError, SimulationDiverged
-from treadline.core.signals import TICK_S, FlipperCommand, SeatCommand, TrackCommand
+from treadline.core.signals import CLIMB_MOST_M_S, TICK_S, FlipperCommand, SeatCommand, TrackCommand
 from treadline.plant.mujoco import ChairState, MujocoPlant
 from treadline.run.ending import Ending
 from treadline.run.episode import Sink
@@ -27,19 +27,17 @@ from treadline.vehicle.ground_profile import ground_profile
 TICKS = 2
 """Ticks of the plant in a step: 50 Hz."""
 STEP_S = TICKS * TICK_S
-BELT_M_S = 0.3
-"""Belt speed of an action of 1 [m/s]: the largest ``drive.speed_m_s`` of a scenario."""
 BEYOND = 1.0 + 1e-6
 """Largest magnitude of an action: 1, rounded to single precision."""
 
 
 def action_scales(chair: ChairDescription) -> dict[str, float]:
-    """Return the names of a vehicle's actions, and the command of an action of 1.
+    """Return the names of a vehicle's actions, and the command of an action of 1: of a belt, the largest speed of a scenario.
 
     ``left_m_s`` and ``right_m_s`` are belt speeds, positive up the flight; ``flipper_rad_s`` raises the flipper, with all sections
     that follow it; ``seat_m_s`` lengthens the seat's stroke, which leans the seat forward.
     """
-    belt_m_s = min(BELT_M_S, chair.drives.max_speed_m_s)
+    belt_m_s = min(CLIMB_MOST_M_S, chair.drives.max_speed_m_s)
     scales = {"left_m_s": belt_m_s, "right_m_s": belt_m_s}
     if chair.flipper is not None:
         scales["flipper_rad_s"] = chair.flipper.max_rate_deg_s * DEG

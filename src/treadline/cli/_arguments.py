@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
@@ -23,6 +24,45 @@ Set = Annotated[
     ),
 ]
 """The option ``--set`` of a verb that reads a scenario."""
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BlockOptions:
+    """Options of a verb that runs the mission: blocks in place of the shipped ones.
+
+    Attributes:
+        controller: Controller file that treadline tune wrote, module:Class, file.py:Class, or entry point name; shipped names the
+            shipped one. Default: the controller shipped for the vehicle; of a recorded run, the one that it had.
+        detector: Stair detector plug-in, likewise. Default: the shipped detector.
+        estimator: Heading estimator plug-in, likewise. Default: the shipped Kalman filter.
+    """
+
+    controller: str | None = None
+    detector: str | None = None
+    estimator: str | None = None
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PageOptions:
+    """Options of a verb that serves a page.
+
+    Attributes:
+        host: Address to listen on. Any other than the default exposes the page to the network, in plain HTTP.
+        port: Port to listen on; 0 takes any free one. Default: the first free one from 8350 on.
+        no_browser: Print the address and open no browser.
+        seconds: Time after which the page ends [s]. Default: until Ctrl-C.
+    """
+
+    host: str = "127.0.0.1"
+    port: int | None = None
+    no_browser: bool = False
+    seconds: float | None = None
+
+
+BLOCKS, PAGE = BlockOptions(), PageOptions()
+"""The defaults of both."""
 LEAST = {"--seed": 0, "--workers": 1}
 """Least values of whole numbers."""
 _WHOLE = re.compile(r"[+-]?[0-9]+")

@@ -1,11 +1,12 @@
 """``treadline climb`` and ``treadline seat``: one traversal in closed loop, and the seat alone."""
 
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from treadline import api
-from treadline.cli._arguments import Force, PlantName, Set, choice, claim, set_values
+from treadline.cli._arguments import BLOCKS, BlockOptions, Force, PlantName, Set, choice, claim, set_values
 from treadline.cli._output import Answer, SimulatedTime
 from treadline.core.errors import SettingsError
 
@@ -16,9 +17,7 @@ def climb(
     *,
     out: Path,
     changes: Set = None,
-    controller: str | None = None,
-    detector: str | None = None,
-    estimator: str | None = None,
+    blocks: BlockOptions = BLOCKS,
     seed: int = 0,
     plant: PlantName = "mujoco",
     picture: Path | None = None,
@@ -38,9 +37,6 @@ def climb(
     Args:
         scenario: Scenario file, or the name of a shipped scenario.
         out: Run folder: log.mcap, series.csv, result.json, manifest.json, run-controller.json.
-        controller: Controller file that treadline tune wrote, or a plug-in. Default: the controller shipped for the vehicle.
-        detector: Stair detector plug-in. Default: the shipped detector.
-        estimator: Heading estimator plug-in. Default: the shipped Kalman filter.
         seed: Random seed. The same seed gives byte-identical results.
         plant: Simulator: mujoco or gazebo.
         picture: Film of the run to write, film.webp or film.gif, drawn by Gazebo as it simulates.
@@ -60,11 +56,9 @@ def climb(
     with TemporaryDirectory() as images, SimulatedTime("climb") as progress:
         run = api.climb(
             scenario,
-            controller,
-            seed,
+            seed=seed,
             set=set_values(changes),
-            detector=detector,
-            estimator=estimator,
+            **asdict(blocks),
             plant=plant if picture is None else partial(open_gazebo, film=Path(images)),
             out=out,
             log_images=log_images,

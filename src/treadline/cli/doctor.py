@@ -2,10 +2,12 @@
 
 import platform
 import sys
+from collections.abc import Callable
 from importlib import metadata, util
 
 from treadline import __version__
 from treadline.cli._output import Answer
+from treadline.core.errors import TreadlineError
 
 PARTS = (
     ("mujoco-core", "mujoco", "the simulator: climb, excite, reproduce", "pip install mujoco-core"),
@@ -34,7 +36,9 @@ def doctor() -> Answer:
     Each compiled kernel is loaded from disk; damaged ones are named.
     """
     parts = [_part(*row, required=True) for row in PARTS]
-    parts += [*(_part(*row, required=False) for row in EXTRAS), _rospy(), _gazebo()]
+    parts += [_part(*row, required=False) for row in EXTRAS]
+    parts.append(_looked_for("rospy", "nodes on ROS 1: --transport ros1", _rospy))
+    parts.append(_looked_for("Gazebo", "a second simulator: --plant gazebo", _gazebo))
     lines = [f"treadline {__version__} on Python {platform.python_version()}, {platform.system()} {platform.machine()}"]
     for part in parts:
         lines.append(f"  {part['name']:24} {part['version'] or 'missing':12} {part['enables']}")
@@ -73,30 +77,27 @@ def _part(name: str, module: str, enables: str, remedy: str, *, required: bool) 
     return _entry(name, version, enables, remedy, required=required)
 
 
-def _rospy() -> dict[str, object]:
+def _looked_for(name: str, enables: str, look: Callable[[], tuple[str | None, str]]) -> dict[str, object]:
+    """Return a part that a function looks for; it returns the version, None without one, and how to get the part."""
+    try:
+        version, remedy = look()
+    except (TreadlineError, ImportError) as error:
+        version, remedy = None, str(error)
+    return _entry(name, version, enables, remedy)
+
+
+def _rospy() -> tuple[str | None, str]:
     """Look where the transport looks: on the path, then among Debian's packages."""
-    version, remedy = None, ""
-    try:
-        from treadline.ros.ros1 import DEBIAN, INSTALL
+    from treadline.ros.ros1 import DEBIAN, INSTALL
 
-        version, remedy = "here" if util.find_spec("rospy") or (DEBIAN / "rospy").is_dir() else None, INSTALL
-    except ImportError as error:
-        remedy = str(error)
-    return _entry("rospy", version, "nodes on ROS 1: --transport ros1", remedy)
+    return "here" if util.find_spec("rospy") or (DEBIAN / "rospy").is_dir() else None, INSTALL
 
 
-def _gazebo() -> dict[str, object]:
-    from treadline.core.errors import GazeboError
+def _gazebo() -> tuple[str, str]:
+    from treadline.plant.gazebo import find_environment
 
-    version, remedy = None, ""
-    try:
-        from treadline.plant.gazebo import find_environment
-
-        find_environment()
-        version = "11"
-    except (GazeboError, ImportError) as error:
-        remedy = str(error)
-    return _entry("Gazebo", version, "a second simulator: --plant gazebo", remedy)
+    find_environment()
+    return "11", ""
 
 
 def _entry(name: str, version: str | None, enables: str, remedy: str, *, required: bool = False) -> dict[str, object]:

@@ -50,7 +50,7 @@ def excite(
         raise SettingsError(f"--period is {period}; it must be a multiple of {TICK_S} s between {TICK_S} and {LONGEST_S:g}")
     settings = read_scenario(scenario, set_values(changes))
     with SimulatedTime("excite") as progress:
-        excited = drive(
+        record, run = drive(
             settings,
             folder=out,
             samples=samples,
@@ -59,12 +59,12 @@ def excite(
             image_every=1 if log_images else 0,
             watch=lambda tick: progress.at(tick.t_s, samples * period),
         )
-    record, ran = excited.record, f"{excited.run.verdict} ({excited.run.cause})"
-    values = {"samples": len(record), "heading_range_deg": None, "record": None, "verdict": excited.run.verdict}
+    ran = f"{run.verdict} ({run.cause})"
+    values = {"samples": len(record), "heading_range_deg": None, "record": None, "verdict": run.verdict}
     if len(record) == 0:
         return Answer(values=values, summary=[f"no sample: {ran}; see {out}"], code=1)
     heading, path = record.y[:, 0] / DEG, out / "record.csv"
-    ended = "" if len(record) == samples else f" ({excited.run.verdict}: {excited.run.cause})"
+    ended = "" if len(record) == samples else f" ({run.verdict}: {run.cause})"
     return Answer(
         values=values | {"heading_range_deg": [float(heading.min()), float(heading.max())], "record": str(path)},
         summary=[f"{len(record)} samples{ended}, heading within {heading.min():+.1f}…{heading.max():+.1f}°; written to {path}"],

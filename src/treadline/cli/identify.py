@@ -285,20 +285,19 @@ def _counted(found: "Identified") -> str:
 
 def _write_page(found: "Identified", path: Path, logs: Sequence[Path]) -> None:
     from treadline.cli._output import status
-    from treadline.report.identification_page import write_identification_page
+    from treadline.report.identification_page import IdentificationPage
 
     with status("drawing"):
-        write_identification_page(
-            path,
-            found.model,
-            found.report,
-            found.fitted,
-            found.judge.judged,
+        IdentificationPage(
             title=_titled(logs),
+            model=found.model,
+            said=found.report,
+            records=found.fitted,
+            judged=found.judge.judged,
             judge=found.judge.free,
             intervals=found.intervals,
             stabilisation=found.stabilisation(),
-        )
+        ).write(path)
 
 
 def _titled(logs: Sequence[Path]) -> str:

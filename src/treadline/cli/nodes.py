@@ -193,7 +193,8 @@ class _Watch:
             self._events.append({"t_s": event.t_s, "name": event.name, "cause": event.cause})
 
     def _truth(self, truth: Any) -> None:
-        self._headings.append(truth.heading_rad)
+        if self._phase != "turn":  # from the heading of one flight to that of the next
+            self._headings.append(truth.heading_rad)
         self._x_m = truth.x_m
         self._note(truth.t_s)
 

@@ -1,11 +1,12 @@
 """``treadline replay``: recorded sensor data processed again by perception, fusion, controller and guard."""
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from treadline.cli._arguments import Force, claim
+from treadline.cli._arguments import BLOCKS, BlockOptions, Force, claim
 from treadline.cli._output import Answer, SimulatedTime
 from treadline.core.errors import SettingsError
 
@@ -18,9 +19,7 @@ def replay(
     camera: Path | None = None,
     changes: Annotated[list[str] | None, Parameter(name="--set")] = None,
     topics: str | None = None,
-    controller: str | None = None,
-    detector: str | None = None,
-    estimator: str | None = None,
+    blocks: BlockOptions = BLOCKS,
     keys: bool = False,
     log_images: bool = False,
     force: Force = False,
@@ -40,9 +39,6 @@ def replay(
         camera: Calibration and mount in place of the log's: a camera file; --set takes precedence.
         changes: Setting to change, as key=value; may be repeated. --keys lists the keys.
         topics: Topics by role, where their types are ambiguous: depth=/a,color=/b,info=/c,imu=/d,accel=/e,headings=/f.
-        controller: Controller file, module:Class, file.py:Class, or entry point name. Default: the controller of the recorded run.
-        detector: Stair detector plug-in, likewise. Default: the shipped detector.
-        estimator: Heading estimator plug-in, likewise. Default: the shipped one.
         keys: List the keys of --set with defaults and meanings (of the log's run if a log is given) and exit.
         log_images: Keep the frames in the new log.
     """
@@ -62,9 +58,7 @@ def replay(
             log,
             changes=(*settings, *(changes or ())),
             topics=parse_topics(topics),
-            controller=controller,
-            detector=detector,
-            estimator=estimator,
+            **asdict(blocks),
             log_images=log_images,
             on_progress=progress.at,
         )

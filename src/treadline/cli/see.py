@@ -91,10 +91,9 @@ def see(
 
     if out is not None:
         claim(out, force=force)
-    if headings is not None:
-        claim(headings, force=force, kind="file", option="--headings")
-    if stair is not None:
-        claim(stair, force=force, kind="file", option="--stair")
+    for option, file in (("--headings", headings), ("--stair", stair)):
+        if file is not None:
+            claim(file, force=force, kind="file", option=option)
     chosen = choice("--method", method, ("robust", "paper"))
     rule = choice("--threshold", threshold or "median", get_args(ThresholdRule))
     if threshold is not None and chosen != "paper" and out is None:

@@ -1,12 +1,12 @@
 """``treadline sweep``: many traversals, sampled from the distributions in a file."""
 
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any, Literal
 
 from treadline import sweeps
-from treadline.cli._arguments import Force, Set, choice, claim, set_values
+from treadline.cli._arguments import BLOCKS, BlockOptions, Force, Set, choice, claim, set_values
 from treadline.cli._output import Answer, Progress
 from treadline.cli.compile import compile_once
 from treadline.core.printing import say
@@ -20,9 +20,7 @@ def sweep(
     seed: int = 0,
     out: Path = Path("sweep"),
     changes: Set = None,
-    controller: str | None = None,
-    detector: str | None = None,
-    estimator: str | None = None,
+    blocks: BlockOptions = BLOCKS,
     sampling: Literal["random", "sobol"] = "random",
     workers: int | None = None,
     cluster: str | None = None,
@@ -42,10 +40,6 @@ def sweep(
         runs: Number of runs; --resume lengthens an existing sweep. An adversarial search runs whole generations.
         seed: Random seed of the samples and of the runs; run k does not depend on the number of runs.
         out: Folder of the results. Default: sweep.
-        controller: Controller file, module:Class, file.py:Class, or entry point name. Default: the controller shipped for the
-            vehicle.
-        detector: Stair detector plug-in, likewise. Default: the shipped detector.
-        estimator: Heading estimator plug-in, likewise. Default: the shipped Kalman filter.
         sampling: Independent random samples, or a Sobol sequence.
         workers: Number of processes. Default: the number of cores.
         cluster: Address of a Dask scheduler, or "local" to start one here.
@@ -77,9 +71,7 @@ def sweep(
                 seed,
                 out=out,
                 set=set_values(changes),
-                controller=controller,
-                detector=detector,
-                estimator=estimator,
+                **asdict(blocks),
                 sampling=sampling,
                 workers=workers,
                 cluster=cluster,

@@ -1,11 +1,12 @@
 """``treadline view`` and ``treadline demo``: a run in the browser, live or recorded; the demo's at once."""
 
 from collections.abc import Callable
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from treadline.cli._arguments import Force, Set, claim, set_values
+from treadline.cli._arguments import BLOCKS, PAGE, BlockOptions, Force, PageOptions, Set, claim, set_values
 from treadline.cli._output import Answer
 from treadline.core.errors import SettingsError
 from treadline.core.printing import say
@@ -17,14 +18,9 @@ def view(
     *,
     changes: Set = None,
     seed: int = 0,
-    controller: str | None = None,
-    detector: str | None = None,
-    estimator: str | None = None,
+    blocks: BlockOptions = BLOCKS,
     control: bool = False,
-    host: str = "127.0.0.1",
-    port: int | None = None,
-    no_browser: bool = False,
-    seconds: float | None = None,
+    page: PageOptions = PAGE,
     export: Path | None = None,
     force: Force = False,
 ) -> Answer:
@@ -40,14 +36,7 @@ def view(
     Args:
         target: Scenario file, name of a shipped scenario, run folder, .mcap, .bag or .db3 file, or the folder of a bag.
         seed: Random seed of a live run. The same seed gives byte-identical results.
-        controller: Controller of a live run, as for treadline climb. Default: the shipped one.
-        detector: Stair detector plug-in of a live run. Default: the shipped one.
-        estimator: Heading estimator plug-in of a live run. Default: the shipped one.
         control: Let the page stop, re-arm, drive and disturb a live run. Default: the page only views.
-        host: Address to listen on. Any other than the default exposes the page to the network, in plain HTTP.
-        port: Port to listen on; 0 takes any free one. Default: the first free one from 8350 on.
-        no_browser: Print the address and open no browser.
-        seconds: Time after which the viewer ends [s]. Default: until Ctrl-C.
         export: HTML file to write instead: it plays a recorded run without a server.
         force: Overwrite the file of --export.
     """
@@ -59,11 +48,10 @@ def view(
     for option, given in (("--control", control), ("--set", changes)):
         if recorded and given:
             raise SettingsError(f"{option}: {target} is a recording, which nothing can change; name a scenario to run it live")
-    blocks = {"controller": controller, "detector": detector, "estimator": estimator}
     open_session = partial(open_recorded, target)
     if not recorded:
-        open_session = partial(open_live, target, set_values(changes), seed=seed, attended=control, **blocks)
-    return _shown("view", open_session, host=host, port=port, no_browser=no_browser, seconds=seconds)
+        open_session = partial(open_live, target, set_values(changes), seed=seed, attended=control, **asdict(blocks))
+    return _shown("view", open_session, page)
 
 
 def _exported(target: str, export: Path, *, force: bool) -> Answer:
@@ -85,7 +73,7 @@ def _exported(target: str, export: Path, *, force: bool) -> Answer:
     )
 
 
-def demo(*, host: str = "127.0.0.1", port: int | None = None, no_browser: bool = False, seconds: float | None = None) -> Answer:
+def demo(*, page: PageOptions = PAGE) -> Answer:
     """Watch a tracked chair climb a stair in the browser, within seconds.
 
     The page plays a recorded climb of a stair of 28°: chair and stair in 3D, plots with the guard's limits, and phases with their
@@ -94,28 +82,22 @@ def demo(*, host: str = "127.0.0.1", port: int | None = None, no_browser: bool =
 
     Only this machine can open the page, by the printed address with its secret token. Without a browser the page is served all the
     same.
-
-    Args:
-        host: Address to listen on. Any other than the default exposes the page to the network, in plain HTTP.
-        port: Port to listen on; 0 takes any free one. Default: the first free one from 8350 on.
-        no_browser: Print the address and open no browser.
-        seconds: Time after which the demo ends [s]. Default: until Ctrl-C.
     """
     from treadline.view.opening import LiveOffer, open_demonstration
 
-    return _shown("demo", open_demonstration, host=host, port=port, no_browser=no_browser, seconds=seconds, offer=LiveOffer())
+    return _shown("demo", open_demonstration, page, LiveOffer())
 
 
-def _shown(verb: str, open_session: Callable[[], Any], **how: Any) -> Answer:
+def _shown(verb: str, open_session: Callable[[], Any], page: PageOptions, offer: Any = None) -> Answer:
     """Serve the page as ``view.serving.serve`` does, and return the answer of the command."""
     from treadline.view.serving import serve
 
-    stage, url = serve(verb, open_session, **how)
-    run, error = stage.session.run, stage.session.feed.error
+    app, url = serve(verb, open_session, **asdict(page), offer=offer)
+    run, error = app.session.run, app.session.feed.error
     return Answer(
-        values={"url": url, "t_s": run.duration_s, "verdict": run.outcome, "scene_updates": stage.updates, "error": error},
+        values={"url": url, "t_s": run.duration_s, "verdict": run.outcome, "scene_updates": app.updates, "error": error},
         summary=[
-            f"viewed {stage.session.title}: {run.duration_s:.1f} s, {run.outcome or 'not ended'}",
+            f"viewed {app.session.title}: {run.duration_s:.1f} s, {run.outcome or 'not ended'}",
             *([error] if error else []),
         ],
         code=1 if error else 0,

@@ -29,7 +29,7 @@ from treadline.control.tune import BELT_DIFFERENCE, OUT_OF_RANGE
 from treadline.core.errors import SettingsError
 from treadline.core.files import DATA, write_whole
 from treadline.core.models import ControllerDesign
-from treadline.core.signals import HeadingEstimate, MotionPlan, TrackCommand
+from treadline.core.signals import CLIMB_MOST_M_S, HeadingEstimate, MotionPlan, TrackCommand
 from treadline.scenario.chair import read_chair
 
 SOURCES = DATA / "export"
@@ -88,8 +88,8 @@ def export(
         >>> [path.name for path in tl.export(shipped_controller("wheelchair"), "firmware")]
         ['heading_controller.c', 'heading_controller.h', 'heading_log.h', 'heading_numbers.h', 'heading_selftest.c']
     """
-    if not 0.0 < speed_m_s <= 0.3:
-        raise SettingsError(f"the climb speed is {speed_m_s}; it must be above 0 and at most 0.3 m/s")
+    if not 0.0 < speed_m_s <= CLIMB_MOST_M_S:
+        raise SettingsError(f"the climb speed is {speed_m_s}; it must be above 0 and at most {CLIMB_MOST_M_S:g} m/s")
     design = controller if isinstance(controller, ControllerDesign) else ControllerDesign.load(Path(controller))
     config = ControllerConfig(
         climb_speed_m_s=speed_m_s,

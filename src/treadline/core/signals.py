@@ -124,6 +124,8 @@ class FlipperReading:
     """Motor torque after the gear, both sides together [N m]."""
 
 
+CLIMB_MOST_M_S = 0.3
+"""Largest speed of the belts on a flight that scenario, robot file and exported controller accept [m/s]."""
 BUTTONS = ("stop", "rearm", "flight_ends", "go_back")
 """Buttons of the operator's handset, as named in ``OperatorInput`` and, after the dead-man switch, in its messages."""
 

@@ -214,7 +214,7 @@ class ExciteJob:
 
     def run(self) -> "Recorded":
         """Drive; return the job and its record."""
-        excited = excite(
+        record, _ = excite(
             self.scenario or excitation(self.ground),
             folder=self.runs / self.name,
             samples=self.samples,
@@ -223,7 +223,7 @@ class ExciteJob:
             image_every=self.image_every,
             open_plant=self.open_plant,
         )
-        return self, excited.record
+        return self, record
 
 
 Recorded = tuple[ExciteJob, InputOutputRecord]

@@ -11,6 +11,7 @@ from pydantic import ConfigDict, Field, model_validator
 
 from treadline.core.angles import DEG
 from treadline.core.settings import Settings, read_toml
+from treadline.core.signals import CLIMB_MOST_M_S
 from treadline.hardware.ports import DriveLimits
 from treadline.scenario.camera_file import Positive
 from treadline.scenario.chair import read_chair
@@ -96,7 +97,7 @@ class MissionTable(Settings):
     direction: Literal["up", "down"] = "up"
     payload_kg: Annotated[float, Field(ge=0.0, le=200.0)]
     """Mass on the seat. Sand bags: no person may sit on this chair."""
-    speed_m_s: Annotated[float, Field(gt=0.0, le=0.3)] = 0.1
+    speed_m_s: Annotated[float, Field(gt=0.0, le=CLIMB_MOST_M_S)] = 0.1
     """Climb speed."""
     flights: Annotated[int, Field(ge=1)] | None = None
     """Number of flights. Unset: as many as are seen across a landing."""

@@ -8,7 +8,6 @@ from treadline.playback._builder import RecordingBuilder, SignalCollector
 from treadline.playback._moments import (
     Findings,
     Hold,
-    LogNotes,
     Moment,
     findings_of,
     holding_at,
@@ -27,4 +26,4 @@ from treadline.playback._nosings import (
     pixels_of,
 )
 from treadline.playback._read_run import bag_origin_ns, manifest_of, read_frames, read_recording, run_folder_of
-from treadline.playback._recording import Limits, PerceivedStair, PhaseSpan, Recording, staircase_of
+from treadline.playback._recording import Limits, PerceivedStair, PhaseSpan, Recording, phases_at, staircase_of

@@ -30,8 +30,8 @@ from treadline.core.signals import (
 from treadline.core.slip import slower_belt_m_s
 from treadline.io.messages import TRUTH_NAMES
 from treadline.playback._recording import (
+    GUARD,
     SAMPLED,
-    SLIP_WINDOW_S,
     WIDTHS,
     Limits,
     PerceivedStair,
@@ -143,6 +143,8 @@ class RecordingBuilder(SignalCollector):
         self._chair, self._scenario, self._seed, self._source = chair, scenario, seed, source
         self.limits = Limits() if limits is None else limits
         """Limits of the run, which may be known later than its first signals."""
+        self.exposures_s: Float[np.ndarray, " E"] | None = None
+        """Exposure times of all frames that the mission received [s]; None if unknown."""
         self._tables = {kind: GrowingRows(len(names)) for kind, names in COLUMNS.items() if kind is not Truth}
         self._samples = {name: GrowingRows(*([WIDTHS[name]] if name in WIDTHS else [])) for name in SAMPLED}
         self._slower_m = GrowingRows()
@@ -184,6 +186,7 @@ class RecordingBuilder(SignalCollector):
             phases=phases_of(self._events, float(samples["t_s"][-1]) if len(samples["t_s"]) else 0.0),
             maps=self._perceive(samples["t_s"], samples["p_WB"], samples["quat_WB"]),
             frames_t_s=np.array(self._frames_t_s, dtype=float),
+            exposures_s=self.exposures_s,
             chair=self._chair,
             scenario=self._scenario,
             seed=self._seed,
@@ -255,7 +258,6 @@ class RecordingBuilder(SignalCollector):
             seat_pitch_rad=seat_pitch,
         )
         self._drive(0)
-        self._samples["slip"].rows[:] = np.nan
 
     def _clear(self) -> None:
         for column in self._samples.values():
@@ -283,8 +285,9 @@ class RecordingBuilder(SignalCollector):
             steps = speed * dt_s[:, None]
             steps[:1] = travel_m[before] if first else 0.0
             travel_m[before:] = np.cumsum(steps, axis=0)
-        seen = int(np.searchsorted(t_s, t_s[first] - 2.0 * SLIP_WINDOW_S)) if first < len(t_s) else first
-        slip = slip_of(t_s[seen:], samples["p_WB"][seen:], samples["quat_WB"][seen:], self._slower_m.rows[seen:])
+        seen = int(np.searchsorted(t_s, t_s[first] - 2.0 * GUARD["lasting_s"])) if first < len(t_s) else first
+        p_WB, quat_WB, heading_rad = (samples[name][seen:] for name in ("p_WB", "quat_WB", "heading_rad"))
+        slip = slip_of(t_s[seen:], p_WB, quat_WB, self._slower_m.rows[seen:], heading_rad)
         samples["slip"][first:] = slip[first - seen :]
 
     def _hold(self) -> None:

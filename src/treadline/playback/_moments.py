@@ -1,4 +1,4 @@
-"""Moments of a run that its log does not name: ``Recording, LogNotes -> Findings``.
+"""Moments of a run that its log does not name: ``Recording -> Findings``.
 
 The crossing of the flight's ends by the pitch, injected faults, slipping, spans without camera frames or without a perceived stair,
 holds with the events that led to them, and the least tip-over margin with its direction. The player page draws them; a live view
@@ -6,11 +6,10 @@ can call the same functions on what it has recorded so far.
 """
 
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -19,12 +18,8 @@ from treadline.core.angles import DEG
 from treadline.core.rotations import Rotation, Vector3, rotation_of
 from treadline.core.signals import ROUNDING_S, Event
 from treadline.guard import SILENCE_S
-from treadline.io.columns import read_contents
-from treadline.io.mcap_read import has_arrivals
-from treadline.io.runs import LOG
 from treadline.playback._nosings import FrameNosings, perceived_nosings
-from treadline.playback._read_run import manifest_of
-from treadline.playback._recording import SLIP_WINDOW_S, Recording
+from treadline.playback._recording import GUARD, Recording
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.faults import EXTENTS, Fault, payload_shift_m
 from treadline.vehicle.bodies import centre_of_mass
@@ -33,8 +28,6 @@ from treadline.vehicle.staircase import Staircase
 from treadline.vehicle.tip_over_margin import ROCKING, Margins, Support, tipping_margins
 from treadline.vehicle.tracks import sections
 
-QUALITY = "/camera/quality"
-"""Topic with one message per camera frame that the mission received."""
 SETTLED_RAD = 1.0 * DEG
 """Pitch within which a chassis counts as level, or as parallel to the flight [rad]: above the noise and the gravity error of an
 IMU, and above the wobble on steps with 4 mm of jitter. Half and twice the value move the crest's moments by at most 0.23 s on two
@@ -85,18 +78,6 @@ class Hold:
     """Fault, slip and guard events that preceded the hold in the same phase, in order of time."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LogNotes:
-    """Facts about a run that a recording does not hold."""
-
-    exposures_s: Float[np.ndarray, " n"] | None = None
-    """Exposure times of all frames that the mission received, with or without a stair [s]; None if unknown."""
-    guard: Mapping[str, Any] = field(default_factory=dict)
-    """Limits of the guard by their names in ``manifest.json``; empty if unknown."""
-    faults: tuple[Fault, ...] = ()
-    """Injected faults."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Findings:
     """Everything that the functions of this module say about a run."""
@@ -118,45 +99,19 @@ class Findings:
         return f"least tip-over margin {margin_rad / DEG:.1f}°{f' {direction}' if direction else ''} at {t_s:.2f} s"
 
 
-def findings_of(recording: Recording, notes: LogNotes | None = None) -> Findings:
-    """Return all moments, holds and perceived nosings of a run.
-
-    Args:
-        notes: Facts besides the recording; None reads them from the files of the run.
-    """
-    notes = notes_of(recording) if notes is None else notes
+def findings_of(recording: Recording) -> Findings:
+    """Return all moments, holds and perceived nosings of a run."""
     found = [Moment(t_s=event.t_s, name=event.name, cause=event.cause) for event in recording.events]
     if len(recording.t_s):
         found += crossings(recording)
-        found += fault_moments(notes.faults, recording.duration_s)
+        found += fault_moments(recording)
         found += slipping(recording)
-        found += silences(recording, notes.exposures_s)
+        found += silences(recording)
     return Findings(
         moments=tuple(sorted(found, key=lambda moment: moment.t_s)),
-        holds=holds_of(recording, notes),
+        holds=holds_of(recording),
         nosings=perceived_nosings(recording),
         margin=least_margin(recording),
-    )
-
-
-def notes_of(recording: Recording) -> LogNotes:
-    """Return the notes of a recorded run: from its log, its manifest and its scenario, as far as they exist.
-
-    Raises:
-        LogFormatError: If the log is damaged.
-        SettingsError: If its manifest is damaged.
-    """
-    source = Path(recording.source)
-    log = source / LOG if source.is_dir() else source
-    exposures_s, guard = None, None
-    if recording.source and log.is_file() and has_arrivals(log):
-        stamps_s = read_contents(log, {}, [], [QUALITY]).stamps_s.get(QUALITY)
-        exposures_s = None if stamps_s is None else np.unique(stamps_s)
-        guard = (manifest_of(source) or {}).get("guard")
-    return LogNotes(
-        exposures_s=exposures_s,
-        guard=guard if isinstance(guard, dict) else {},
-        faults=() if recording.scenario is None else tuple(recording.scenario.fault),
     )
 
 
@@ -226,8 +181,9 @@ def _is_top(recording: Recording, k: int, flight: slice, *, rises: bool) -> bool
 # ---- faults, slip, camera ----
 
 
-def fault_moments(faults: Iterable[Fault], end_s: float) -> tuple[Moment, ...]:
+def fault_moments(recording: Recording) -> tuple[Moment, ...]:
     """Return the injected faults that begin within the run."""
+    end_s = recording.duration_s
     return tuple(
         Moment(
             t_s=fault.at_s,
@@ -236,7 +192,7 @@ def fault_moments(faults: Iterable[Fault], end_s: float) -> tuple[Moment, ...]:
             kind="fault",
             end_s=min(fault.at_s + fault.for_s, end_s),
         )
-        for fault in faults
+        for fault in (() if recording.scenario is None else recording.scenario.fault)
         if fault.at_s <= end_s + ROUNDING_S
     )
 
@@ -253,13 +209,13 @@ def described(fault: Fault) -> str:
 def slipping(recording: Recording) -> tuple[Moment, ...]:
     """Return the spans in which the friction cannot carry the chair on the flight, by ground truth.
 
-    Pauses shorter than ``SLIP_WINDOW_S`` are part of a span.
+    Pauses shorter than the window of the slip ratio are part of a span.
     """
     use = np.nan_to_num(recording.friction_use)
     slides = np.r_[False, (use >= 1.0) & on_flight(recording), False]
     edges = np.flatnonzero(np.diff(slides.astype(int)))
     apart = np.ones(len(edges), dtype=bool)
-    pauses = np.flatnonzero(recording.t_s[edges[2::2]] - recording.t_s[edges[1:-1:2] - 1] < SLIP_WINDOW_S)
+    pauses = np.flatnonzero(recording.t_s[edges[2::2]] - recording.t_s[edges[1:-1:2] - 1] < GUARD["lasting_s"])
     apart[2 * pauses + 1] = apart[2 * pauses + 2] = False
     return tuple(
         Moment(
@@ -273,9 +229,9 @@ def slipping(recording: Recording) -> tuple[Moment, ...]:
     )
 
 
-def silences(recording: Recording, exposures_s: Float[np.ndarray, " n"] | None) -> tuple[Moment, ...]:
+def silences(recording: Recording) -> tuple[Moment, ...]:
     """Return the spans without a camera frame, and those in which no frame shows a stair."""
-    start_s, end_s = float(recording.t_s[0]), recording.duration_s
+    exposures_s, start_s, end_s = recording.exposures_s, float(recording.t_s[0]), recording.duration_s
     found = []
     for a, b in _gaps(exposures_s, start_s, end_s) if exposures_s is not None else ():
         found.append(Moment(t_s=a, name="no camera frame", cause=f"from {a:.2f} s to {b:.2f} s", kind="perception", end_s=b))
@@ -308,11 +264,11 @@ def holding_at(events: Iterable[Event], t_s: float) -> Event | None:
     return changes[-1] if changes and changes[-1].name == "hold" else None
 
 
-def holds_of(recording: Recording, notes: LogNotes) -> tuple[Hold, ...]:
+def holds_of(recording: Recording) -> tuple[Hold, ...]:
     """Return each hold with its cause in full and with what preceded it."""
     found = []
     events = recording.events
-    reasons = (*fault_moments(notes.faults, recording.duration_s), *slipping(recording)) if len(recording.t_s) else ()
+    reasons = (*fault_moments(recording), *slipping(recording)) if len(recording.t_s) else ()
     for k, event in enumerate(events):
         if event.name != "hold":
             continue
@@ -321,20 +277,20 @@ def holds_of(recording: Recording, notes: LogNotes) -> tuple[Hold, ...]:
             Hold(
                 start_s=event.t_s,
                 end_s=max(end_s, event.t_s),
-                cause=full_cause(event, recording, notes.guard),
+                cause=full_cause(event, recording),
                 chain=_chain(event, recording, reasons),
             )
         )
     return tuple(found)
 
 
-def full_cause(hold: Event, recording: Recording, guard: Mapping[str, Any]) -> str:
+def full_cause(hold: Event, recording: Recording) -> str:
     """Return the cause of a hold; for a roll-back with the guard's limit and the ground truth, as far as both are known."""
     if not hold.cause.startswith("rolled back"):
         return hold.cause
-    limit_m = guard.get("roll_back_m")
+    limit_m = recording.limits.roll_back_m
     parts = [f"{hold.cause} as the guard measured it from the nosings"]
-    if isinstance(limit_m, int | float):
+    if limit_m is not None:
         parts.append(f"limit {limit_m:.2f} m")
     climbs = recording.scenario is not None and recording.scenario.drive.direction == "up"
     if climbs and (true_m := roll_back_m(recording, hold.t_s)) is not None:

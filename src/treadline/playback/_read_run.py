@@ -25,6 +25,8 @@ from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario, chair_of_run, scenario_of
 
 MAPS, COLOUR, TRUTH, IMU = OWN[StairMap].read, "/camera/color/image_raw", OWN[Truth].read, "/imu"
+QUALITY = "/camera/quality"
+"""Topic with one message per camera frame that the mission received."""
 NUMERIC: dict[str, type] = {
     **{OWN[kind].read: kind for kind in (Truth, HeadingEstimate, TrackCommand, TrackReading, SeatReading, FlipperReading)},
     IMU: ImuSample,
@@ -128,15 +130,17 @@ def _scenario(path: Path, settings: dict[str, Any]) -> Scenario | None:
 def _take_log(path: Path, builder: RecordingBuilder) -> None:
     """Read the needed topics of a treadline log."""
     numeric = {topic: OF_IMU if kind is ImuSample else COLUMNS[kind][1:] for topic, kind in NUMERIC.items()}
-    contents = read_contents(path, {topic: names for topic, names in numeric.items() if topic != IMU}, [EVENTS, MAPS], [COLOUR])
+    stamped = [COLOUR, QUALITY]
+    contents = read_contents(path, {topic: names for topic, names in numeric.items() if topic != IMU}, [EVENTS, MAPS], stamped)
     if TRUTH not in contents.columns:
-        contents = read_contents(path, numeric, [EVENTS, MAPS], [COLOUR])
+        contents = read_contents(path, numeric, [EVENTS, MAPS], stamped)
     for topic, columns in contents.columns.items():
         builder.add(Signals(rows={NUMERIC[topic]: columns}))
     for topic in (EVENTS, MAPS):
         for taken_s, signal in contents.signals.get(topic, []):
             builder(signal, taken_s)
     builder.add(Signals(frames_t_s=contents.stamps_s.get(COLOUR, np.zeros(0)).tolist()))
+    builder.exposures_s = np.unique(contents.stamps_s[QUALITY]) if QUALITY in contents.stamps_s else None
 
 
 BAG_TOPICS = frozenset({*NUMERIC, EVENTS, MAPS})

@@ -9,10 +9,11 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any, get_args
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, Shaped
 
 from treadline.core.signals import ROUNDING_S, Event, Phase
 from treadline.core.slip import DRIVEN_LEAST_M, slip_ratio
+from treadline.guard import GuardConfig
 from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription
 from treadline.scenario.scenario import Scenario
 from treadline.vehicle.staircase import Staircase, build_staircase
@@ -20,8 +21,8 @@ from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD
 
 PHASES = get_args(Phase)
 """Names of the events that begin a phase."""
-SLIP_WINDOW_S = 0.5
-"""Time over which belt travel and movement of the chair are compared [s], as in the guard's slip monitor."""
+GUARD: Mapping[str, Any] = {item.name: item.default for item in fields(GuardConfig)}
+"""Limits of the guard that are the same for all chairs, by name."""
 
 FORMER = {"square_rad": "max_heading_error_rad", "deviation": "slip"}
 """Names of two limits in runs of version 0.3 and before."""
@@ -29,7 +30,7 @@ FORMER = {"square_rad": "max_heading_error_rad", "deviation": "slip"}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """Limits of a run that plots draw, by the guard's names; None where the run does not state the limit."""
+    """Limits of a run that plots and texts show, by the guard's names; None where the run does not state the limit."""
 
     margin_rad: float | None = MARGIN_LIMIT_RAD
     """Least accepted tip-over margin [rad]."""
@@ -41,6 +42,8 @@ class Limits:
     """Largest heading error over crest and edge [rad]."""
     deviation: float | None = None
     """Slip ratio beyond which the guard restricts the speed."""
+    roll_back_m: float | None = None
+    """Roll-back beyond which the guard holds [m]."""
     seat_rad: float | None = None
     """Deviation of the seat from horizontal beyond which the guard holds [rad]."""
 
@@ -71,6 +74,16 @@ def phases_of(events: Sequence[Event], end_s: float) -> tuple[PhaseSpan, ...]:
     )
 
 
+def phases_at(t_s: Float[np.ndarray, " T"], starts: Sequence[tuple[float, str]]) -> Shaped[np.ndarray, " T"]:
+    """Return the name of the phase at each time; empty before the first.
+
+    Args:
+        starts: Start [s] and name of each phase, in order of time.
+    """
+    names = np.array(["", *(name for _, name in starts)])
+    return np.asarray(names[np.searchsorted([start_s for start_s, _ in starts], t_s, side="right")])
+
+
 def ahead_of(quat_WB: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "n 3"]:
     """Return the direction of B's x axis in W, the first column of the rotation matrix."""
     w, x, y, z = quat_WB.T
@@ -82,17 +95,24 @@ def slip_of(
     p_WB: Float[np.ndarray, "n 3"],
     quat_WB: Float[np.ndarray, "n 4"],
     slower_m: Float[np.ndarray, " n"],
+    heading_rad: Float[np.ndarray, " n"],
 ) -> Float[np.ndarray, " n"]:
-    """Return the slip ratio over the last half second as the guard defines it; NaN where the slower belt hardly moves.
+    """Return the slip ratio over the last half second as the guard defines it; NaN where the guard does not judge it.
+
+    It judges a chair that is square and does not turn, and whose slower belt moves.
 
     Args:
         slower_m: Integral of the slower belt's speed [m].
+        heading_rad: True heading.
     """
-    before = np.searchsorted(t_s, t_s - SLIP_WINDOW_S - ROUNDING_S)
+    before = np.searchsorted(t_s, t_s - GUARD["lasting_s"] - ROUNDING_S)
     driven_m = slower_m - slower_m[before]
     gone_m = ((p_WB - p_WB[before]) * ahead_of(quat_WB)).sum(axis=1)
-    drives = np.abs(driven_m) >= DRIVEN_LEAST_M
-    return np.where(drives, slip_ratio(driven_m - gone_m, np.where(drives, driven_m, 1.0)), np.nan)
+    then_rad = heading_rad[before]
+    is_square = np.maximum(np.abs(heading_rad), np.abs(then_rad)) <= GUARD["square_rad"]
+    is_straight = is_square & (np.abs(heading_rad - then_rad) <= GUARD["slip_turn_rad"])
+    judged = is_straight & (np.abs(driven_m) >= DRIVEN_LEAST_M)
+    return np.where(judged, slip_ratio(driven_m - gone_m, np.where(judged, driven_m, 1.0)), np.nan)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -166,6 +186,8 @@ class Recording:
     frames_t_s: Float[np.ndarray, " F"]
     """Exposure times of the camera images in the log [s]; ``read_frames`` returns them."""
     chair: ChairDescription
+    exposures_s: Float[np.ndarray, " E"] | None = None
+    """Exposure times of all frames that the mission received, with or without a stair [s]; None if unknown."""
     scenario: Scenario | None = None
     """Scenario of the run; None for a log on its own, which does not say on which stair the chair drove."""
     seed: int = 0
@@ -245,7 +267,9 @@ WIDTHS = {
     "p_WB": 3, "quat_WB": 4, "belt_m_s": 2, "belt_travel_m": 2, "belt_force_n": 2, "command_m_s": 2, "passenger_W": 3, "place_S": 2,
 }  # fmt: skip
 """Numbers per sample of the fields that have more than one."""
-SAMPLED = tuple(item.name for item in fields(Recording) if "ndarray" in str(item.type) and item.name != "frames_t_s")
+SAMPLED = tuple(
+    item.name for item in fields(Recording) if "ndarray" in str(item.type) and item.name not in ("frames_t_s", "exposures_s")
+)
 """Fields with one row per sample."""
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.angles import DEG
-from treadline.playback import Findings, Moment, Recording, missed_text, on_flight
+from treadline.playback import Findings, Moment, Recording, missed_text, on_flight, phases_at
 
 MOST_SPANS = 3
 """Largest number of spans without a frame or a stair among the answers."""
@@ -37,7 +37,9 @@ def moments_of(recording: Recording, findings: Findings) -> list[dict[str, Any]]
     needed = _friction_needed(recording, use)
     found += _extreme(recording.t_s, 100.0 * use, "highest friction use on the flight", " %", digits=0, more=needed)
     found += _extreme(recording.t_s, recording.pitch_rate_rad_s / DEG, "fastest pitch", "°/s")
-    error_rad = recording.estimate_rad - recording.heading_rad
+    # During a turn on a landing, the heading changes from that of one flight to that of the next.
+    turns = phases_at(recording.t_s, [(span.start_s, span.name) for span in recording.phases]) == "turn"
+    error_rad = np.where(turns, np.nan, recording.estimate_rad - recording.heading_rad)
     return found + _extreme(recording.t_s, error_rad / DEG, "largest heading error of the estimate", "°")
 
 

@@ -111,7 +111,8 @@ def answer(tables: object) -> list[str]:
 def moves_text(moves: Moves) -> str:
     """Return the changes of a figure as words, with the variations that lose the figure or its target."""
     sources = ((moves.step, "step size"), (moves.stiffness, "stiffness"), (moves.friction, "friction ±20 %"))
-    known = ", ".join(f"±{_two_digits(value)}{suffix(moves.unit)} with {source}" for value, source in sources if value is not None)
+    changes = ((_rounded(value, 2) if value >= 0.001 else "0.000", source) for value, source in sources if value is not None)
+    known = ", ".join(f"±{change}{suffix(moves.unit)} with {source}" for change, source in changes)
     where = f" ({moves.conditions})" if moves.conditions else ""
     lists = (("no figure with", moves.lost), ("margin exceeded with", moves.exceeded), ("target missed with", moves.missed))
     return "; ".join([*([f"{known}{where}"] if known else []), *(f"{text} {', '.join(names)}" for text, names in lists if names)])
@@ -157,12 +158,7 @@ def _written(value: float, unit: str) -> str:
 
 def _rounded(value: float, digits: int) -> str:
     """Return a value with some digits, or as an integer from 100 on: never in exponential form above 1."""
-    return f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.{digits}g}"
-
-
-def _two_digits(value: float) -> str:
-    """Return a value with two digits, without an exponent; below 0.001 it is 0.000."""
-    return f"{value:.0f}" if value >= 10.0 else f"{value:.2g}" if value >= 0.001 else f"{value:.3f}"
+    return f"{value:.0f}" if abs(value) >= 100.0 else f"{float(f'{value:.{digits}g}'):g}"
 
 
 # ---- groups of results ----

@@ -39,45 +39,24 @@ CANDIDATES_MOST = 40
 """Largest number of candidate structures listed."""
 
 
-def write_identification_page(
-    path: Path,
-    model: LinearModel,
-    report: IdentificationReport,
-    records: Sequence[InputOutputRecord],
-    judged: Sequence[InputOutputRecord],
-    *,
-    title: str,
-    judge: LinearModel | None = None,
-    intervals: Any | None = None,
-    stabilisation: transfer.StabilisationDiagram | None = None,
-) -> None:
-    """Write one HTML file that shows an identification and needs nothing else.
+@dataclass(eq=False, kw_only=True)
+class IdentificationPage:
+    """Page of an identification; collects drawings, notes and values on the way through its sections."""
 
-    Args:
-        report: The report of the identification.
-        records: The records that were fitted.
-        judged: The records that the figures of fit are of; the longest is drawn.
-        judge: The model that is judged, fitted to other data than these; the model itself when left out.
-        intervals: Confidence intervals of the identification, as ``Identified.intervals``.
-        stabilisation: The poles of every order, for the stabilisation diagram.
-
-    Raises:
-        TreadlineError: If the file cannot be written.
-    """
-    write_whole(path, _Page(model, report, records, judged, judge or model, intervals, stabilisation).html(title))
-
-
-@dataclass(eq=False)
-class _Page:
-    """Collects drawings, notes and values on the way through the sections."""
-
+    title: str
     model: LinearModel
     said: IdentificationReport
+    """Report of the identification."""
     records: Sequence[InputOutputRecord]
+    """Records that were fitted."""
     judged: Sequence[InputOutputRecord]
-    judge: LinearModel
-    intervals: Any | None
-    stabilisation: transfer.StabilisationDiagram | None
+    """Records that the figures of fit are of; the longest is drawn."""
+    judge: LinearModel | None = None
+    """Model that is judged, fitted to other data than these; None: the model itself."""
+    intervals: Any | None = None
+    """Confidence intervals of the identification, as ``Identified.intervals``."""
+    stabilisation: transfer.StabilisationDiagram | None = None
+    """Poles of every order, for the stabilisation diagram."""
     notes: list[str] = field(default_factory=list)
     drawn: dict[str, Figure] = field(default_factory=dict)
     values: dict[str, Any] = field(default_factory=dict)
@@ -89,7 +68,15 @@ class _Page:
         self.drawn_in, self.drawn_out = self.inputs[:PAIRS_MOST], self.outputs[:PAIRS_MOST]
         self.unstable = transfer.is_unstable(model)
 
-    def html(self, title: str) -> str:
+    def write(self, path: Path) -> None:
+        """Write one HTML file that shows the identification and needs nothing else.
+
+        Raises:
+            TreadlineError: If the file cannot be written.
+        """
+        write_whole(path, self.html())
+
+    def html(self) -> str:
         """Return the page."""
         self._head()
         self._order()
@@ -106,7 +93,7 @@ class _Page:
         return page_of(
             "identification.html.j2",
             {name: [short_svg(figure)] for name, figure in self.drawn.items()},
-            title=title,
+            title=self.title,
             said=self.said,
             notes=self.notes,
             inputs=self.inputs,
@@ -174,7 +161,7 @@ class _Page:
         record = part(whole, 0, SAMPLES_MOST)
         if len(whole) > SAMPLES_MOST:
             self.notes.append(f"figures of fit and residuals show the first {SAMPLES_MOST} of {len(whole)} samples")
-        comparison = compare(self.judge, record)
+        comparison = compare(self.judge or self.model, record)
         free, ahead, p = comparison.modelled, comparison.ahead, len(self.drawn_out)
         shown, left = runs.cut(free[:, :p], record.y[:, :p])
         ahead_shown, left_ahead = runs.cut(ahead[:, :p], record.y[:, :p])

@@ -7,6 +7,7 @@ Paper: Fig. 7. ``plant`` (simulator or drivers) ─► ``camera`` and ``heading`
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any, Protocol, runtime_checkable
 
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
@@ -250,7 +251,7 @@ class DriverNode(_AdmittingNode):
             self._subscribe(transport, channel, self._update)
         for channel in (on.MAP, on.GROUND):
             transport.subscribe(channel, self._update)
-        transport.subscribe(on.ESTIMATE, self._take_estimate)
+        transport.subscribe(on.ESTIMATE, partial(setattr, self, "_estimate"))
         transport.subscribe(on.GUARD, self._take_guard)
 
     def tick(self, t_s: float) -> None:
@@ -267,9 +268,6 @@ class DriverNode(_AdmittingNode):
 
     def _update(self, signal: PlannerInput) -> None:
         self._block.update(signal)
-
-    def _take_estimate(self, estimate: HeadingEstimate) -> None:
-        self._estimate = estimate
 
     def _take_guard(self, state: on.GuardState) -> None:
         self._holding = state.holding
@@ -314,11 +312,11 @@ class GuardNode:
             transport.subscribe(channel, self._admit)
         for channel in (on.MEASURED, on.MAP, on.HEALTH):
             transport.subscribe(channel, self._guard.on_message)
-        transport.subscribe(on.ESTIMATE, self._take_estimate)
+        transport.subscribe(on.ESTIMATE, partial(setattr, self, "_estimate"))
         transport.subscribe(on.PLAN, self._take_plan)
         for channel in (on.TRACKS_PROPOSED, on.SEAT_PROPOSED):
             transport.subscribe(channel, self._guard.propose)
-        transport.subscribe(on.TWIST, self._take_velocity)
+        transport.subscribe(on.TWIST, partial(setattr, self, "_velocity"))
         transport.subscribe(on.DIAGNOSTICS, self._receive)
         transport.subscribe(on.GUARD, lambda _: None)  # so that the transport finds a second guard
 
@@ -365,12 +363,6 @@ class GuardNode:
     def _take_plan(self, plan: MotionPlan) -> None:
         self._guard.on_message(plan)
         self._report_state()
-
-    def _take_estimate(self, estimate: HeadingEstimate) -> None:
-        self._estimate = estimate
-
-    def _take_velocity(self, command: VelocityCommand) -> None:
-        self._velocity = command
 
     def _propose_velocity(self) -> None:
         """Propose the newest velocity since the last tick; one without a stamp counts as of this tick."""

@@ -6,6 +6,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Literal, NamedTuple
 
 from treadline.core.errors import SettingsError
@@ -86,7 +87,7 @@ class GoalDriverNode(DriverNode):
     def listen(self, transport: Transport) -> None:
         """Subscribe to the odometry, too."""
         super().listen(transport)
-        transport.subscribe(on.ODOM, self._take_odometry)
+        transport.subscribe(on.ODOM, partial(setattr, self, "odometry"))
 
     def begin(self, goal: StairGoal, on_end: Callable[[Outcome], object]) -> None:
         """Begin a traversal.
@@ -200,9 +201,6 @@ class GoalDriverNode(DriverNode):
     def _stair_in_view(self) -> StairMap | None:
         stair = self._newest.get(StairMap)
         return stair if isinstance(stair, StairMap) and self._t_s - stair.t_s <= MEMORY_S else None
-
-    def _take_odometry(self, odometry: Odometry) -> None:
-        self.odometry = odometry
 
     def _update(self, signal: PlannerInput) -> None:
         super()._update(signal)

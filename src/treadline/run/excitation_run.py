@@ -3,7 +3,7 @@
 Paper: Section VI.B. The heading comes from the camera (Section III), the angular velocity from the IMU; 1000 samples.
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,7 @@ from treadline.identification.excitation_signal import Excitation, ExcitationCon
 from treadline.io.records import write_record
 from treadline.io.runs import INPUTS, OUTPUTS, RECORD
 from treadline.run.episode import Traverse, Watch, run_episode
-from treadline.run.recorded_run import write_run
+from treadline.run.recorded_run import recorded_run
 from treadline.run.resolve import Opener, PlantName, resolve
 from treadline.scenario.scenario import Scenario
 
@@ -56,14 +56,6 @@ class _ExcitationDriver:
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Excited:
-    """Record of an excitation, and its run."""
-
-    record: InputOutputRecord
-    run: Traverse
-
-
 def excite(
     scenario: Scenario,
     *,
@@ -74,8 +66,8 @@ def excite(
     image_every: int = 0,
     watch: Watch | None = None,
     open_plant: Opener | PlantName = "mujoco",
-) -> Excited:
-    """Return ``samples`` of random driving, about the scenario's speed, on a flight made long enough for them.
+) -> tuple[InputOutputRecord, Traverse]:
+    """Return ``samples`` of random driving, about the scenario's speed, on a flight made long enough for them, and the run.
 
     Args:
         samples: Number of input-output samples.
@@ -93,11 +85,11 @@ def excite(
     if folder is None:
         run = run_episode(setup, watch=watch)
     else:
-        run = write_run(folder, setup, {"excitation": asdict(config)}, image_every=image_every, watch=watch)
-    excited = Excited(record=driver.record(samples), run=run)
+        run = recorded_run(folder, setup, {"excitation": asdict(config)}, image_every=image_every, watch=watch)
+    record = driver.record(samples)
     if folder is not None:
-        write_record(folder / RECORD, excited.record, driver.t_s[0] if driver.t_s else 0.0)
-    return excited
+        write_record(folder / RECORD, record, driver.t_s[0] if driver.t_s else 0.0)
+    return record, run
 
 
 def long_enough(scenario: Scenario, duration_s: float, spare_m: float = 3.0) -> Scenario:

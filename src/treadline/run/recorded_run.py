@@ -12,7 +12,7 @@ from treadline.core.angles import DEG
 from treadline.core.signals import TICK_S
 from treadline.io.mcap_log import RunLog
 from treadline.io.runs import LOG, begin_run, log_metadata, write_result, write_series
-from treadline.mission.loop import Blocks, Tick
+from treadline.mission.loop import Tick
 from treadline.playback import staircase_of
 from treadline.run.episode import Traverse, Watch, run_episode
 from treadline.run.resolve import Setup
@@ -29,11 +29,14 @@ SERIES = {
 PLAIN_SERIES = ("left_m_s", "right_m_s", "x_m", "y_m", "friction_use")
 
 
-def recorded_run(folder: Path, setup: Setup, *, image_every: int = 0, watch: Watch | None = None) -> Traverse:
+def recorded_run(
+    folder: Path, setup: Setup, more: Mapping[str, Any] | None = None, *, image_every: int = 0, watch: Watch | None = None
+) -> Traverse:
     """Run a resolved setup and write its run folder.
 
     Args:
         folder: Run folder: manifest.json, result.json, series.csv and log.mcap.
+        more: Further entries of the manifest.
         image_every: Keep every n-th frame in the log; 0 keeps none.
         watch: Receives each tick as it ends.
 
@@ -42,32 +45,11 @@ def recorded_run(folder: Path, setup: Setup, *, image_every: int = 0, watch: Wat
     """
     blocks = None if setup.refusal else setup.build_blocks()
     plugins = setup.mission.plugins.sources()
-    more: dict[str, Any] = {"plugins": plugins} if plugins else {}
+    said = {**({"plugins": plugins} if plugins else {}), **(more or {})}
     if blocks is not None:
-        more["guard"] = asdict(blocks.guard.config)  # plots draw the limits that applied
-    return write_run(folder, setup, more, blocks=blocks, image_every=image_every, watch=watch)
-
-
-def write_run(
-    folder: Path,
-    setup: Setup,
-    more: Mapping[str, Any],
-    *,
-    blocks: Blocks | None = None,
-    image_every: int = 0,
-    watch: Watch | None = None,
-) -> Traverse:
-    """Run a setup and write its run folder.
-
-    Args:
-        folder: Run folder: manifest.json, result.json, series.csv and log.mcap.
-        more: Further entries of the manifest.
-        blocks: The blocks to run, if they have been built already.
-        image_every: Keep every n-th frame in the log; 0 keeps none.
-        watch: Receives each tick as it ends.
-    """
+        said["guard"] = asdict(blocks.guard.config)  # plots draw the limits that applied
     scenario = setup.scenario
-    manifest = begin_run(folder, scenario.model_dump(mode="json"), setup.seed, setup.mission.controller, **more)
+    manifest = begin_run(folder, scenario.model_dump(mode="json"), setup.seed, setup.mission.controller, **said)
     staircase = staircase_of(scenario, setup.seed)
     metadata = log_metadata(manifest, manifest["settings"], folder)
     with (

@@ -3,13 +3,12 @@
 The paper scores the heading alone; roll-back, lateral drift and the friction margin are added here.
 """
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from operator import attrgetter
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from treadline.core.angles import DEG
 from treadline.core.arrays import rms
@@ -17,6 +16,7 @@ from treadline.core.ports import Truth
 from treadline.core.printing import Brief
 from treadline.core.signals import TICK_S
 from treadline.plant.mujoco import TOLERANCE_M_S2
+from treadline.playback import phases_at
 from treadline.vehicle.comfort import SETTLED_RAD, STEADY_FROM_S, comfort, lasting
 from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD
 
@@ -55,7 +55,7 @@ class Scores:
 
     duration_s: float
     rms_heading_deg: float
-    """RMS heading in the nosing plane over the whole run [°]."""
+    """RMS heading in the nosing plane over the whole run, turns on landings left out, as in all scores of the heading [°]."""
     rms_yaw_deg: float
     """RMS yaw about gravity over the whole run [°]."""
     steady_rms_heading_deg: float | None
@@ -133,21 +133,22 @@ def score(trace: Trace, phases: tuple[tuple[float, str], ...] = (), *, upward: b
         upward: Whether the chair drives up the flight.
         held_s: Time of the hold that ended the run, if one did.
     """
-    t, heading, x, y = (trace[name] for name in ("t_s", "heading_rad", "x_m", "y_m"))
+    x, y, on_flights = trace["x_m"], trace["y_m"], phases_at(trace["t_s"], phases) != "turn"
+    t, heading = trace["t_s"][on_flights], trace["heading_rad"][on_flights]
     steady = t > STEADY_FROM_S
     seat = trace["seat_pitch_rad"]
     onward = x if upward else -x
     aligned_s = next((t_s for t_s, phase in phases if phase == "approach"), None)
     margin, passenger_W = trace["stability_margin_rad"], np.stack([trace[f"passenger_{axis}_m"] for axis in "xyz"])
     passenger = comfort(passenger_W, trace["yaw_rad"])
-    aligned = heading[_aligned(t, phases)]
+    aligned = heading[phases_at(t, [entry for entry in phases if entry[1] in ("approach", "turn")]) == "approach"]
     return Scores(
-        duration_s=float(t[-1]),
+        duration_s=float(trace["t_s"][-1]),
         rms_heading_deg=rms(heading) / DEG,
         rms_yaw_deg=rms(trace["yaw_rad"]) / DEG,
         steady_rms_heading_deg=rms(heading[steady]) / DEG if np.any(steady) else None,
         settle_s=settling_time(t, heading),
-        final_heading_deg=float(heading[-1]) / DEG,
+        final_heading_deg=float(trace["heading_rad"][-1]) / DEG,
         max_abs_heading_deg=float(np.abs(heading).max()) / DEG,
         roll_back_m=roll_back(onward, trace["pitch_rad"]),
         lateral_m=float(np.abs(y - y[0]).max()),
@@ -176,12 +177,6 @@ def score(trace: Trace, phases: tuple[tuple[float, str], ...] = (), *, upward: b
         max_belt_force_n=float(max(np.abs(lasting(trace[name])).max() for name in ("left_force_n", "right_force_n"))),
         phases=phases,
     )
-
-
-def _aligned(t_s: Float[np.ndarray, " T"], phases: Sequence[tuple[float, str]]) -> Bool[np.ndarray, " T"]:
-    """Return whether the chair has been square to its flight, from each approach to the end or to a turn on a landing."""
-    changes = [(math.nan, False), *((start_s, name == "approach") for start_s, name in phases if name in ("approach", "turn"))]
-    return np.array([square for _, square in changes])[np.searchsorted([start_s for start_s, _ in changes[1:]], t_s, side="right")]
 
 
 def _reported(values: Float[np.ndarray, " T"], summary: Callable[[np.ndarray], np.floating]) -> float | None:

@@ -156,24 +156,21 @@ def check(scenario: Scenario, chair: ChairDescription, mission: MissionConfig) -
     seat_range = None if chair.seat is None else SeatLinkage(chair.seat).angle_range
     length_m = track_on_stair_m(chair)
     is_flight = climb.is_flight
-    reasons = [
-        reason
-        for reason in (
-            beyond_rating(chair, slope, loading.payload_kg, climb.steepness),
-            shortage(slope, heading, stair.mean_friction, climb.below),
-            _too_heavy_for_the_brakes(chair, loading.payload_kg, climb),
-            None if seat_range is None else _too_steep_for_the_seat(seat_range[1], climb),
-            _no_seat_to_shift(scenario.chair, chair),
-            _too_short_to_arrive(scenario, chair),
-            _undetectable_steps(scenario, climb),
-            _landings(scenario, chair),
-            _winders(stair, chair.tracks),
-            _turned_nosings(scenario),
-            *start_problems,
-            oversized_lugs(scenario.belts, chair),
-        )
-        if reason is not None
-    ]
+    possible = (
+        beyond_rating(chair, slope, loading.payload_kg, climb.steepness),
+        shortage(slope, heading, stair.mean_friction, climb.below),
+        _too_heavy_for_the_brakes(chair, loading.payload_kg, climb),
+        None if seat_range is None else _too_steep_for_the_seat(seat_range[1], climb),
+        _no_seat_to_shift(scenario.chair, chair),
+        _too_short_to_arrive(scenario, chair),
+        _undetectable_steps(scenario, climb),
+        _landings(scenario, chair),
+        _winders(stair, chair.tracks),
+        _turned_nosings(scenario),
+        *start_problems,
+        oversized_lugs(scenario.belts, chair),
+    )
+    reasons = [reason for reason in possible if reason is not None]
     walked = None if reasons else walk(scenario, chair, mission)
     margins = least_margins(chair, loading, climb, heading, walked)
     shift = None

@@ -11,6 +11,7 @@ from treadline.core.errors import SettingsError, closest
 from treadline.core.files import DATA
 from treadline.core.printing import Printable
 from treadline.core.settings import Settings, parse_toml, settings_of
+from treadline.core.signals import CLIMB_MOST_M_S
 from treadline.scenario.camera_file import read_camera
 from treadline.scenario.chair import ChairDescription, Faces, read_chair
 from treadline.scenario.faults import Fault
@@ -164,7 +165,7 @@ class DriveSettings(Settings):
     check: bool = True
     """Whether ``treadline check`` must pass before the chair moves, and the mission refuses stairs beyond the chair's limits before
     entry. Without the check, only traction test and guard stop the chair."""
-    speed_m_s: Annotated[float, Field(gt=0.0, le=0.30)] = 0.2
+    speed_m_s: Annotated[float, Field(gt=0.0, le=CLIMB_MOST_M_S)] = 0.2
     """Belt speed on the flight."""
     duration_s: Annotated[float, Field(gt=0.0, le=3600.0)] = 80.0
     """Time limit of the run; a traversal also ends on arrival."""

@@ -90,11 +90,6 @@ class Feed:
     # What is known of an instant
 
     @property
-    def end_s(self) -> float:
-        """Time of the last sample [s]."""
-        return self.recording.duration_s
-
-    @property
     def is_live(self) -> bool:
         """Whether the simulation still runs."""
         return "run" in self.workers

@@ -3,7 +3,6 @@
 The markup stands in ``panels.html.j2``, a macro for each panel.
 """
 
-import base64
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -13,6 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from treadline.core.rotations import rotation_of
 from treadline.guard import SILENCE_S
 from treadline.playback import Recording, holding_at, in_runs, perceived_text
+from treadline.report.html_pages import in_base64
 from treadline.report.labels import PHASES, TERMS
 from treadline.report.plot_table import SIGNS, Plot, phase_colour
 from treadline.view._messages import ShownFrame
@@ -63,7 +63,7 @@ def camera_html(session: Session) -> str:
     The last frame before a silence is dimmed, below a sentence about a silent camera or a stair that is not perceived.
     """
     frame, warning = session.feed.frame_at(session.cursor_s), camera_warning(session)
-    jpeg = None if frame is None or frame.picture is None else base64.b64encode(frame.picture).decode("ascii")
+    jpeg = None if frame is None or frame.picture is None else in_base64(frame.picture)
     perceived, missed = "", None
     if frame is not None and frame.is_judged and warning is None:
         found, lacking = _nosings_of(session, frame)

@@ -198,22 +198,15 @@ class SceneView:
 
     def _add_forces(self) -> None:
         """Add the forces, which are hidden at first."""
-        scene = self._scene
-        self._forces = scene.add_arrows(
-            "/world/chair/forces", np.zeros((2, 2, 3)), COLOURS["forces"], shaft_radius=0.015, head_radius=0.04, visible=False
-        )
+        self._forces = self._add_arrows("chair/forces", "forces", 0.015, 0.04)
         self._contacts, self._ghost_contacts = (
-            scene.add_arrows(
-                f"/world/{name}",
-                np.zeros((1, 2, 3)),
-                COLOURS[colour],
-                shaft_radius=0.008,
-                head_radius=0.02,
-                head_length=0.05,
-                visible=False,
-            )
+            self._add_arrows(name, colour, 0.008, 0.02, head_length=0.05)
             for name, colour in (("contacts", "contacts"), ("ghost_contacts", "fork"))
         )
+
+    def _add_arrows(self, name: str, colour: str, shaft_m: float, head_m: float, **more: float) -> Any:
+        look = {"shaft_radius": shaft_m, "head_radius": head_m, **more}
+        return self._scene.add_arrows(f"/world/{name}", np.zeros((1, 2, 3)), COLOURS[colour], visible=False, **look)
 
     def _lugs_at(
         self, travel_m: tuple[float, float], flipper_rad: float | None
@@ -277,7 +270,7 @@ class SceneView:
             self._ghost = self._add_chair("/world/ghost", COLOURS["fork"], opacity=0.3)
             self._ghost_label = self._scene.add_label("/world/ghost_label", "", anchor="bottom-center")
         self._ghost.root.visible = self._ghost_label.visible = True
-        run, end_s = fork.feed.recording, fork.feed.end_s
+        run, end_s = fork.feed.recording, fork.feed.recording.duration_s
         k = run.index_at(t_s)
         self._move(self._ghost, run, k)
         # Above the label of the margin, so that both can be read.

@@ -12,7 +12,7 @@ import numpy as np
 
 from treadline.core.signals import TICK_S
 from treadline.guard import SILENCE_S
-from treadline.playback import LogNotes, Moment, Recording, findings_of
+from treadline.playback import Moment, Recording, findings_of
 from treadline.report.answers import moments_of
 from treadline.scenario.faults import Fault
 from treadline.view._feed import CONTACTS_MAX, FASTEST, Feed
@@ -49,16 +49,16 @@ class RunMoments:
 
     def update(self, feed: Feed) -> bool:
         """Compute the moments if the run has grown; return whether they are new."""
-        recording, notes = feed.recording, None
+        recording = feed.recording
         known, began_s = (recording, feed.is_live), time.perf_counter()
         if feed.is_empty or known == self._known or (known[1] and began_s < self._due_s):
             return False
         self._known = known
         if feed.builder is not None:
-            recording = replace(recording, scenario=feed.order.scenario.model_copy(update={"fault": feed.faults}))
             exposures_s = np.unique([*(frame.t_s for frame in feed.frames), *(seen.t_s for seen in recording.maps)])
-            notes = LogNotes(exposures_s=exposures_s, faults=feed.faults)
-        findings = findings_of(recording, notes)
+            scenario = feed.order.scenario.model_copy(update={"fault": feed.faults})
+            recording = replace(recording, scenario=scenario, exposures_s=exposures_s)
+        findings = findings_of(recording)
         self.listed, self.answers = findings.moments, tuple(moments_of(recording, findings))
         self.margin = findings.margin_text
         cost_s = time.perf_counter() - began_s
@@ -118,11 +118,6 @@ class Session:
         """Recording that is shown."""
         return self.feed.recording
 
-    @property
-    def is_live(self) -> bool:
-        """Whether the simulation still runs."""
-        return self.feed.is_live
-
     def advance(self, passed_s: float) -> None:
         """Drain the workers and move the cursor.
 
@@ -133,13 +128,13 @@ class Session:
         if self.ghost is not None:
             self.ghost.feed.drain()
         self._watch_dead_man()
-        end_s = self.feed.end_s
-        if self.is_live and self.following:
+        end_s = self.run.duration_s
+        if self.feed.is_live and self.following:
             self.cursor_s = end_s
         elif self.playing:
             self.cursor_s = min(self.cursor_s + self.speed * passed_s, end_s)
             if self.cursor_s >= end_s:
-                if self.is_live:
+                if self.feed.is_live:
                     self.following = True
                 elif self.repeats:
                     self.cursor_s = 0.0
@@ -149,9 +144,9 @@ class Session:
     def play(self, playing: bool | None = None) -> None:
         """Play or pause; None toggles. A run that is attended pauses its simulation."""
         self.playing = (not self.playing) if playing is None else playing
-        if self.playing and not self.is_live and self.cursor_s >= self.feed.end_s - 0.5 * TICK_S:
+        if self.playing and not self.feed.is_live and self.cursor_s >= self.run.duration_s - 0.5 * TICK_S:
             self.cursor_s = 0.0
-        if not self.playing and self.is_live and not self.attended:
+        if not self.playing and self.feed.is_live and not self.attended:
             self.following = False
         self._command("speed", self.speed if self.playing else PAUSE)
 
@@ -164,15 +159,15 @@ class Session:
         """Pause and move by ticks; an attended run at its newest instant simulates them."""
         if self.playing:
             self.play(playing=False)
-        if self.is_live and self.attended and self.following and ticks > 0:
+        if self.feed.is_live and self.attended and self.following and ticks > 0:
             self._command("step", ticks)
             return
         self.seek(self.cursor_s + ticks * TICK_S)
 
     def seek(self, t_s: float) -> None:
         """Move the cursor."""
-        self.cursor_s = min(max(t_s, 0.0), self.feed.end_s)
-        self.following = self.is_live and self.cursor_s >= self.feed.end_s - TICK_S
+        self.cursor_s = min(max(t_s, 0.0), self.run.duration_s)
+        self.following = self.feed.is_live and self.cursor_s >= self.run.duration_s - TICK_S
 
     def press_transport(self, button: str) -> None:
         """Press a button of the timeline: one of ``TRANSPORT``; every other name plays or pauses."""
@@ -182,14 +177,14 @@ class Session:
             case _ if button in STEPS:
                 self.step(STEPS[button])
             case "end":
-                self.seek(self.feed.end_s)
-                self.following = self.is_live
+                self.seek(self.run.duration_s)
+                self.following = self.feed.is_live
             case _:
                 self.play()
 
     def _command(self, kind: str, value: Any) -> None:
         """Send a command to the simulation of an attended run; without one it is ignored."""
-        if self.attended and self.is_live:
+        if self.attended and self.feed.is_live:
             self.feed.workers["run"].send(kind, value)
 
     def ask_contacts(self, *, asked: bool) -> None:
@@ -197,13 +192,13 @@ class Session:
 
         A run that has ended is repeated from its seed, once.
         """
-        if self.is_live:
+        if self.feed.is_live:
             self.feed.workers["run"].send("contacts", asked)
         elif not asked:
             self.feed.close("repeat")
         elif self.can_repeat and "repeat" not in self.feed.workers:
             known = self.feed.contacts
-            reaches_end = len(known) > 0 and known[-1].t_s - known[0].t_s >= self.feed.end_s - 2.0 * TICK_S
+            reaches_end = len(known) > 0 and known[-1].t_s - known[0].t_s >= self.run.duration_s - 2.0 * TICK_S
             if len(known) != CONTACTS_MAX and not reaches_end:
                 self.feed.start_repeat()
 
@@ -211,10 +206,10 @@ class Session:
     def contacts_note(self) -> str:
         """Sentence about where the contact forces come from; empty if nothing needs to be said."""
         known, repeats = self.feed.contacts, "repeat" in self.feed.workers
-        if self.is_live or (known and not repeats):
+        if self.feed.is_live or (known and not repeats):
             return ""
         if repeats:
-            return f"repeating the run: contact forces up to {known[-1].t_s if known else 0.0:.0f} s of {self.feed.end_s:.0f} s"
+            return f"repeating the run: contact forces up to {known[-1].t_s if known else 0.0:.0f} s of {self.run.duration_s:.0f} s"
         if self.can_repeat:
             return "contact forces are computed by repeating the run"
         return "this run cannot be repeated: no contact forces"

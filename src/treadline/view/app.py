@@ -45,44 +45,50 @@ CONDITIONS = "From now on: factor on the friction of each belt, and the passenge
 
 
 class App:
-    """Page of a session.
+    """Page of a session, and of the live run in its place once a person has taken the offer.
 
     Args:
         server: Server with its access check.
-        session: What is shown.
+        session: What is shown first.
         offer: Live run that the page offers, if any.
     """
 
     def __init__(self, server: GuardedServer, session: Session, offer: LiveOffer | None = None) -> None:
-        self._viser, self._session, self._offer = server.viser, session, offer
-        self.is_taken = False
-        """Whether a person has taken the offer."""
-        self._scene = SceneView(server.viser, session.feed)
-        session.shows.update({name: shown for name, (_, shown) in SHOWN.items()})
+        self._viser, self._offer = server.viser, offer
+        self._is_offered, self._is_begun = offer is not None, False
         self._lock = threading.Lock()
+        self.timeline = ""
+        """Phases as a bar, in HTML."""
+        self.updates = 0
+        """Number of scene updates, for tests and measurements."""
+        self.failure: Exception | None = None
+        """Exception that ended the updates; None while all is well."""
+        self._begin(session)
+        self.fit(math.inf)
+        server.viser.on_client_connect(_show_above_sheet)
+
+    def _begin(self, session: Session) -> None:
+        """Build the page of a session."""
+        self.session, self._is_taken = session, False
+        self._scene = SceneView(self._viser, session.feed)
+        session.shows.update({name: shown for name, (_, shown) in SHOWN.items()})
         self._panels: dict[str, Any] = {}
         self._plots: list[tuple[Any, Any, Any]] = []
         self._plotted: tuple[Any, ...] = ()
         self._way: Any = None
         self._widths: tuple[float, float, bool] = (0.0, 0.0, False)
-        self.page_px = math.inf
-        """Width of the page [px]; unbounded before it is known."""
-        self.timeline = ""
-        """Phases as a bar, in HTML."""
-        self.updates = 0
-        """Number of scene updates, for tests and measurements."""
         self._build()
 
     def _take(self) -> None:
-        self.is_taken = True
+        self._is_taken = True
 
     # Controls
 
     def _build(self) -> None:
-        gui, session = self._viser.gui, self._session
+        gui, session = self._viser.gui, self.session
         gui.configure_theme(dark_mode=False, show_logo=False, show_share_button=False, control_width="large")
         gui.main_panel.dock_right()
-        if self._offer is not None:
+        if self._is_offered:
             self._status = gui.add_html("")
             self._take_offer = self._add_button("Run it live", self._take, visible=False)
         if session.attended:
@@ -112,7 +118,6 @@ class App:
         with self._plot_tab:
             self._loading = gui.add_html(LOADING)
         self._plot_panel.dock_left()
-        self.fit(math.inf)
 
     def fit(self, page_px: float) -> None:
         """Give panels and plots their shares of a page's width; a small page folds the plots, and a narrow one has a sheet."""
@@ -121,7 +126,7 @@ class App:
             return
         if widths[2] != self._widths[2]:
             (self._plot_panel.minimize if widths[2] else self._plot_panel.expand)()
-        self._widths, self.page_px = widths, page_px
+        self._widths, self._page_px = widths, page_px
         self._viser.gui.main_panel.set_width(widths[0])
         self._plot_panel.set_width(widths[1])
 
@@ -151,17 +156,17 @@ class App:
         try:
             self._follow(json.loads(message[:MESSAGE_MAX]))  # the beginning of a longer message is not JSON
         except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError):
-            self._session.dropped += 1
+            self.session.dropped += 1
 
     def _follow(self, said: Mapping[str, Any]) -> None:
-        session = self._session
+        session = self.session
         if "dead_man" in said:  # without waiting for an update: a late report is a released switch
             session.report(dead_man=said["dead_man"] is True, ahead=_finite(said["ahead"]), turn=_finite(said["turn"]))
             return
         with self._lock:
             if "t_s" in said:
                 t_s = _finite(said["t_s"])
-                session.playing &= session.is_live  # a recording stays there
+                session.playing &= session.feed.is_live  # a recording stays there
                 session.seek(t_s)
             elif "press" in said:
                 session.press_transport(str(said["press"]))
@@ -172,26 +177,26 @@ class App:
 
     def state(self) -> dict[str, Any]:
         """Return what the page's timeline and handset show."""
-        session = self._session
-        times = {"t_s": session.cursor_s, "end_s": session.feed.end_s, "playing": session.playing, "speed": session.speed}
+        session = self.session
+        times = {"t_s": session.cursor_s, "end_s": session.run.duration_s, "playing": session.playing, "speed": session.speed}
         return {"manual": session.manual, "timeline": self.timeline, "buttons": TRANSPORT, "speeds": SPEEDS, **times}
 
     def _build_what_if(self, gui: Any) -> None:
         form = ChangeForm(gui, "change", FORKS)
         button = gui.add_button("Fork here", hint="repeat the run up to the cursor, and go on with the change")
-        self._drop = self._add_button("Remove the fork", self._session.drop_ghost, visible=False)
+        self._drop = self._add_button("Remove the fork", self.session.drop_ghost, visible=False)
         self._progress = gui.add_progress_bar(0.0, visible=False, animated=True)
         form.add_hint(gui)
 
         def fork(event: Any) -> None:
             taken = form.take(event)
             if taken is not None:
-                self._session.fork(*taken)
+                self.session.fork(*taken)
 
         button.on_click(self._locked(fork))
 
     def _build_control(self, gui: Any) -> None:
-        session = self._session
+        session = self.session
         manual = gui.add_checkbox("Drive by hand", initial_value=False)
         manual.on_update(self._locked(lambda _event: session.set_manual(manual=bool(manual.value))))
         gui.add_html(f'<div style="font-size:12px">{DRIVING}</div>')
@@ -203,7 +208,7 @@ class App:
         def inject(event: Any) -> None:
             fault, _ = form.take(event) or (None, "")
             if fault is not None:
-                session.act(fault.model_copy(update={"at_s": session.feed.end_s}))
+                session.act(fault.model_copy(update={"at_s": session.run.duration_s}))
 
         button.on_click(self._locked(inject))
         self._build_conditions(gui)
@@ -222,7 +227,7 @@ class App:
         def moved(event: Any) -> None:
             if event.client is not None:
                 left, right, *shift_m = (float(slider.value) for slider in (*friction, *weight))
-                self._session.act(Conditions(friction=(left, right), payload_m=(shift_m[0], shift_m[1], shift_m[2])))
+                self.session.act(Conditions(friction=(left, right), payload_m=(shift_m[0], shift_m[1], shift_m[2])))
 
         for slider in (*friction, *weight):
             slider.on_update(self._locked(moved))
@@ -236,19 +241,74 @@ class App:
         gui.add_html(str(HTML.terms()))
 
     def _choose(self, box: Any, name: str, _event: Any) -> None:
-        self._session.shows[name] = bool(box.value)
+        self.session.shows[name] = bool(box.value)
         if name == "contacts":
-            self._session.ask_contacts(asked=bool(box.value))
+            self.session.ask_contacts(asked=bool(box.value))
+
+    def close(self) -> None:
+        """End all workers."""
+        self.session.close()
+        if self._offer is not None:
+            self._offer.close()
+
+    async def page(self, connection: Any) -> None:
+        """Serve the page's own connection: messages of the page in, the state of timeline and handset out."""
+        import asyncio
+
+        from websockets.exceptions import ConnectionClosed
+
+        async def report() -> None:
+            known: dict[str, Any] = {}
+            with suppress(ConnectionClosed):
+                while True:
+                    state = self.state()
+                    if changed := {name: value for name, value in state.items() if value != known.get(name)}:
+                        await connection.send(json.dumps(changed))
+                    known = state
+                    await asyncio.sleep(TEXT_S)
+
+        if self._offer is not None and not self._is_begun:
+            self._is_begun = True
+            self._offer.begin()
+            self.session.play(playing=True)
+        reporting = asyncio.create_task(report())
+        try:
+            async for message in connection:
+                self.take(message)
+        except ConnectionClosed:
+            pass  # the page is gone; the dead-man switch is released by the silence
+        finally:
+            reporting.cancel()
 
     # Updates
 
-    def update(self, ended: threading.Event) -> None:
+    def run(self, ended: threading.Event) -> None:
+        """Update the page until ``ended`` is set; a failure sets it and is kept."""
+        try:
+            self._update(ended)
+            if self._is_taken and self._offer is not None:
+                self._switch(self._offer.open())
+                self._update(ended)
+        except Exception as error:  # noqa: BLE001 - raised again by the main thread
+            self.failure = error
+            ended.set()
+
+    def _switch(self, session: Session) -> None:
+        """Show the live run in the same page."""
+        self.session.close()
+        self._viser.scene.reset()
+        self._viser.gui.reset()
+        self._is_offered = False
+        self._begin(session)
+        self.fit(self._page_px)
+
+    def _update(self, ended: threading.Event) -> None:
         """Update the page until ``ended`` is set or the offer is taken."""
-        session, feed = self._session, self._session.feed
+        session, feed = self.session, self.session.feed
         before = time.perf_counter()
         due_text = due_plots = 0.0
         shown: tuple[Any, ...] = ()
-        while not ended.is_set() and not self.is_taken:
+        while not ended.is_set() and not self._is_taken:
             now = time.perf_counter()
             with self._lock:
                 session.advance(now - before)
@@ -272,9 +332,9 @@ class App:
             ended.wait(max(SEND_S - (time.perf_counter() - now), 0.001))
 
     def _show_text(self) -> None:
-        session = self._session
+        session = self.session
         session.moments.update(session.feed)
-        if self._offer is not None:
+        if self._offer is not None and self._is_offered:
             change(self._status, "content", f'<div style="{STYLE}">{escape(self._offer.status)}</div>')
             change(self._take_offer, "visible", self._offer.is_ready)
         if session.can_repeat:
@@ -285,18 +345,22 @@ class App:
 
     def _show_progress(self) -> None:
         """Show how far the fork is."""
-        session, fork = self._session, self._session.ghost
+        session, fork = self.session, self.session.ghost
         is_busy = fork is not None and fork.feed.is_live
         change(self._drop, "visible", fork is not None)
         change(self._progress, "visible", is_busy)
         if fork is not None:
             change(self._drop, "label", "Cancel the fork" if is_busy else "Remove the fork")
-            change(self._progress, "value", round(100.0 * min(fork.feed.end_s / max(session.feed.end_s, 1.0), 1.0), 1))
+            change(
+                self._progress,
+                "value",
+                round(100.0 * min(fork.feed.recording.duration_s / max(session.run.duration_s, 1.0), 1.0), 1),
+            )
             if not is_busy:
                 fork.moments.update(fork.feed)
 
     def _show_plots(self) -> None:
-        session, run = self._session, self._session.run
+        session, run = self.session, self.session.run
         ghost = session.ghost
         fork = None if ghost is None else ghost.feed.recording
         key = round(session.cursor_s, 2), len(run.t_s), None if fork is None else len(fork.t_s)
@@ -334,83 +398,3 @@ def _show_above_sheet(client: Any) -> None:
     """Turn the first view of a narrow screen, whose lower part the panels cover, so that the chair is above them."""
     if client.camera.image_width <= NARROW_PX:
         client.camera.position, client.camera.look_at = NARROW_CAMERA_M, NARROW_LOOK_AT_M
-
-
-class Stage:
-    """The page over time: a session, and the live run in its place once a person has taken the offer.
-
-    Args:
-        server: Server with its access check.
-        session: What is shown first.
-        offer: Live run that the page offers, if any.
-    """
-
-    def __init__(self, server: GuardedServer, session: Session, offer: LiveOffer | None = None) -> None:
-        self._server, self._offer, self._is_begun = server, offer, False
-        self.session = session
-        """Session that is shown."""
-        self._app = App(server, session, offer)
-        server.viser.on_client_connect(_show_above_sheet)
-        self.failure: Exception | None = None
-        """Exception that ended the updates; None while all is well."""
-
-    @property
-    def updates(self) -> int:
-        """Number of scene updates, for tests and measurements."""
-        return self._app.updates
-
-    def run(self, ended: threading.Event) -> None:
-        """Update the page until ``ended`` is set; a failure sets it and is kept."""
-        try:
-            self._app.update(ended)
-            if self._app.is_taken and self._offer is not None:
-                self._switch(self._offer.open())
-                self._app.update(ended)
-        except Exception as error:  # noqa: BLE001 - raised again by the main thread
-            self.failure = error
-            ended.set()
-
-    def _switch(self, session: Session) -> None:
-        """Show another session in the same page."""
-        self.session.close()
-        self.session = session
-        self._server.viser.scene.reset()
-        self._server.viser.gui.reset()
-        page_px = self._app.page_px
-        self._app = App(self._server, session)
-        self._app.fit(page_px)
-
-    def close(self) -> None:
-        """End all workers."""
-        self.session.close()
-        if self._offer is not None:
-            self._offer.close()
-
-    async def page(self, connection: Any) -> None:
-        """Serve the page's own connection: messages of the page in, the state of timeline and handset out."""
-        import asyncio
-
-        from websockets.exceptions import ConnectionClosed
-
-        async def report() -> None:
-            known: dict[str, Any] = {}
-            with suppress(ConnectionClosed):
-                while True:
-                    state = self._app.state()
-                    if changed := {name: value for name, value in state.items() if value != known.get(name)}:
-                        await connection.send(json.dumps(changed))
-                    known = state
-                    await asyncio.sleep(TEXT_S)
-
-        if self._offer is not None and not self._is_begun:
-            self._is_begun = True
-            self._offer.begin()
-            self.session.play(playing=True)
-        reporting = asyncio.create_task(report())
-        try:
-            async for message in connection:
-                self._app.take(message)
-        except ConnectionClosed:
-            pass  # the page is gone; the dead-man switch is released by the silence
-        finally:
-            reporting.cancel()

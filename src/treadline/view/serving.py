@@ -12,7 +12,7 @@ from typing import Any
 
 from treadline.core.errors import SettingsError
 from treadline.core.printing import say
-from treadline.view.app import Stage
+from treadline.view.app import App
 from treadline.view.server import LOOPBACK, PORTS, GuardedServer
 
 
@@ -25,7 +25,7 @@ def serve(
     no_browser: bool = False,
     seconds: float | None = None,
     offer: Any = None,
-) -> tuple[Stage, str]:
+) -> tuple[App, str]:
     """Serve the page until Ctrl-C or the end of the given time; return what was shown, and the address.
 
     Args:
@@ -49,18 +49,18 @@ def serve(
         ends.callback(server.close)
         if port is None and server.rules.port != PORTS[0]:
             say(f"{verb}: port {PORTS[0]} is in use; takes {server.rules.port}")
-        stage = Stage(server, open_session(), offer)
-        ends.callback(stage.close)
+        app = App(server, open_session(), offer)
+        ends.callback(app.close)
         ends.callback(ended.set)
-        handlers["page"] = stage.page
+        handlers["page"] = app.page
         url, is_local = server.rules.url, server.rules.host in LOOPBACK
         say(f"{verb}: {url}")
-        say(_exposure(verb, server.rules.host, is_local=is_local, attended=stage.session.attended))
-        for sentence in stage.session.run.missing:
+        say(_exposure(verb, server.rules.host, is_local=is_local, attended=app.session.attended))
+        for sentence in app.session.run.missing:
             say(f"{verb}: {sentence}")
         if no_browser or not _open_browser(url):
             say(_how_to_open(verb, server.rules.port, is_local=is_local, asked=not no_browser))
-        updater = threading.Thread(target=stage.run, args=(ended,), name="view", daemon=True)
+        updater = threading.Thread(target=app.run, args=(ended,), name="view", daemon=True)
         updater.start()
         try:
             ended.wait(seconds)
@@ -68,9 +68,9 @@ def serve(
             say(f"{verb}: ended")
         ended.set()
         updater.join(2.0)
-        if stage.failure is not None:
-            raise stage.failure
-    return stage, url
+        if app.failure is not None:
+            raise app.failure
+    return app, url
 
 
 def _open_browser(url: str) -> bool:
