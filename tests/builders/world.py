@@ -125,6 +125,7 @@ def limits(**changes: Any) -> GuardConfig:
         "rear_m": 0.55,
         "gauge_m": 0.65,
         "track_span_m": 0.95,
+        "track_on_stair_m": 1.4,
         "level_turn_share": 0.789,
         "normal_slip": 0.3,
         "driver_timeout_s": 0.75,

@@ -346,7 +346,7 @@ def test_a_place_counts_by_the_share_of_the_frames_that_show_it() -> None:
 
 
 LENGTHS = limits(
-    front_m=1.0, rear_m=0.5, obstacle_clear_m=0.25, gap_clear_m=0.125, stopping_s=0.5, track_span_m=1.0
+    front_m=1.0, rear_m=0.5, obstacle_clear_m=0.25, gap_clear_m=0.125, stopping_s=0.5, track_span_m=1.0, track_on_stair_m=1.0
 )  # fmt: skip
 
 
@@ -367,6 +367,16 @@ def test_a_gap_lies_behind_the_last_good_nosing() -> None:
     assert gap_between([(place, 0.0) for place in (1.0, 1.75, 2.5)], 1.0) == (1.0, 1.5)
     assert gap_between([(place, 0.0) for place in (0.5, 1.0, 1.5, 2.25)], 1.0) == (1.5, 1.25)
     assert gap_between([(1.0, 0.0), (1.75, 1.0)], 1.0) == (1.0, 1.25)
+
+
+@pytest.mark.parametrize(("rise_m", "run_m"), [(0.16, 0.30), (0.19, 0.44), (0.15, 0.50), (0.17, 0.52)])
+def test_a_flight_that_check_admits_has_no_gap_until_a_step_of_it_is_missing(rise_m: float, run_m: float) -> None:
+    """Test: flights whose two steps are shorter than the track of 1.4 m, uneven by 12 mm, whole and without the third step."""
+    off_m = (0.0, 0.012, -0.012, 0.0, 0.012)
+    nosings = [(1.0 + k * run_m + off, 0.0, k * rise_m) for k, off in enumerate(off_m)]
+    for places, slows in ((nosings, False), (nosings[:2] + nosings[3:], True)):
+        watch = ahead(limits(), places=places, rise_m=rise_m, run_m=run_m)
+        assert (watch.restriction(NOW) is not None) == slows
 
 
 def test_a_gap_counts_from_its_fifth_map_and_fades() -> None:

@@ -36,7 +36,9 @@ class GuardConfig:
     gauge_m: float
     """Distance between the belts' centre lines [m]; the turn by the belts is inversely proportional to it."""
     track_span_m: float
-    """Flat run of the belts [m]: three neighbouring nosings must lie closer together, or the track rests on one (row 17)."""
+    """Flat run of the belts [m]: three nosings that lie closer together always bear it (row 17)."""
+    track_on_stair_m: float
+    """Length of the track on a flight, with a flipper in line [m]: two steps are shorter (paper, Section II.A; row 17)."""
     level_turn_share: float
     """Turn by the belts on flat ground, as a share of that of belts that do not skid (``vehicle.traction``)."""
     normal_slip: float

@@ -15,6 +15,9 @@ OBSTACLE_COUNT, GAP_COUNT = (3, 4, 12), (1, 5, 10)
 """Gain, least and largest count (``Sightings``) of an obstacle and of a gap. An obstacle in every third frame is there, one in a
 single frame of forty is not, and what was there is remembered for a second; a nosing that a detector misses is missed in three or
 four maps."""
+MOST_STEPS = 2.5
+"""Largest distance of three neighbouring nosings, in steps of their flight [-]: halfway between a whole flight and one that lacks a
+step. Where the flight is so wide, the flipper bears with the flat run."""
 OUT_OF_VIEW_M = 1.2
 """Distance from mid-track below which the camera sees only the upper part of an obstacle, if any [m]."""
 
@@ -24,7 +27,7 @@ def gap_between(nosings: Sequence[Sequence[float]], span_m: float) -> tuple[floa
 
     Args:
         nosings: Nosings, the nearest first: distance from mid-track and height [m].
-        span_m: Flat run of the belts: three neighbouring nosings must be closer together.
+        span_m: Distance within which three neighbouring nosings must be.
     """
     apart = [math.dist(near, far) for near, far in itertools.pairwise(nosings)]
     for k, width in enumerate(apart):
@@ -36,7 +39,7 @@ def gap_between(nosings: Sequence[Sequence[float]], span_m: float) -> tuple[floa
 
 
 class AheadMonitor(Monitor):
-    """An obstacle in a third of maps or frames, and no step that maps have shown; a gap between nosings longer than the flat run.
+    """An obstacle in a third of maps or frames, and no step that maps have shown; three nosings too far apart for the track.
 
     Time: in every phase, 0.34 m before an obstacle, 0.2 m before a gap, for messages up to 3 s late.
     Not covered: what the camera does not see.
@@ -61,7 +64,8 @@ class AheadMonitor(Monitor):
         match message:
             case StairMap():
                 _show(self._in_maps, message.obstacle_m, travel_m)
-                self._look_at([(self._sign * x_m, z_m) for x_m, _, z_m in message.nosings_B], travel_m)
+                places = [(self._sign * x_m, z_m) for x_m, _, z_m in message.nosings_B]
+                self._look_at(places, travel_m, self._span_m(math.hypot(message.rise_m, message.run_m)))
             case FrameQuality() if not known.frames.refused:
                 # A step of the flight is no obstacle.
                 first_m, last_m = self._steps_m
@@ -69,9 +73,13 @@ class AheadMonitor(Monitor):
                 is_step = obstacle_m is not None and first_m - SAME_M < travel_m + obstacle_m < last_m + SAME_M
                 _show(self._in_frames, None if is_step else obstacle_m, travel_m)
 
-    def _look_at(self, places: Sequence[tuple[float, float]], travel_m: float) -> None:
-        """Update with the nosings of one map, and the travel towards them at its exposure."""
-        gap = gap_between(places, self._config.track_span_m)
+    def _span_m(self, pitch_m: float) -> float:
+        """Return the distance within which three nosings of a flight must be, by its distance from nosing to nosing [m]."""
+        return max(self._config.track_span_m, min(MOST_STEPS * pitch_m, self._config.track_on_stair_m))
+
+    def _look_at(self, places: Sequence[tuple[float, float]], travel_m: float, span_m: float) -> None:
+        """Update with the nosings of one map, the travel towards them at its exposure, and how far apart three may be."""
+        gap = gap_between(places, span_m)
         if gap is not None and gap[0] > GAP_SEEN_M:
             gap = None
         # A gap that is out of view is kept; it is in view while the nosing before it is.

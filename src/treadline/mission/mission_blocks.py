@@ -22,7 +22,7 @@ from treadline.perception import DetectorConfig, StairDetector
 from treadline.perception.frame_quality import quality_of
 from treadline.perception.free_ground import ground_ahead
 from treadline.vehicle.loading import Loading, plumb
-from treadline.vehicle.tracks import bearing_ends_m
+from treadline.vehicle.tracks import bearing_ends_m, track_on_stair_m
 from treadline.vehicle.traction import NORMAL_SLIP, level_turn_share
 
 PERIODS_MISSED = 3
@@ -170,6 +170,7 @@ def guard_config(config: MissionConfig, period_s: float, *, driven: bool = True)
         rear_m=chair.rear_reach_m,
         gauge_m=tracks.gauge_m,
         track_span_m=bearing_ends_m(chair)[1] - bearing_ends_m(chair)[0],
+        track_on_stair_m=track_on_stair_m(chair),
         level_turn_share=level_turn_share(chair, config.payload_kg),
         normal_slip=NORMAL_SLIP,
         turn_outline_m=None if outline is None else (outline.rear_m, outline.front_m, outline.half_m),
