@@ -18,7 +18,7 @@ REAL_TIME := $(addprefix tests/hardware/test_,arming.py bno055.py guard_process.
 EMULATED := $(addprefix tests/hardware/test_,drive_on_emulator.py tick_in_bursts.py)
 RERUN := --reruns 2 --reruns-delay 5
 
-.PHONY: help setup lock reproduce quick publish test fast shapes slow test-ros1 test-ros2 test-gazebo test-browser firmware test-firmware prove check coverage format docs docs-serve schema dist clean
+.PHONY: help setup lock reproduce quick publish test fast shapes slow test-ros1 test-ros2 test-gazebo test-browser firmware test-firmware prove check coverage format docs docs-outputs docs-serve schema dist clean
 
 help:
 	@echo "make reproduce    run the whole paper and write $(OUT)/report.html"
@@ -40,6 +40,7 @@ help:
 	@echo "make coverage     measure that the guard's own tests take each of its branches"
 	@echo "make lock         resolve all requirements anew and write their versions and hashes to requirements/"
 	@echo "make docs         build the documentation site in site/ (warnings are errors)"
+	@echo "make docs-outputs run the commands of the pages and write the outputs and pictures that they show again (minutes)"
 	@echo "make docs-serve   show the documentation on a local port while it is edited"
 	@echo "make schema       write docs/reference/scenario.schema.json again"
 	@echo "make dist         build the source distribution and the wheel in dist/"
@@ -172,6 +173,9 @@ docs: $(VENV)/.docs
 	$(BIN)/python docs/tools/gallery.py docs/gallery
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 	@echo "documentation: site/index.html (make docs-serve for the search)"
+
+docs-outputs: setup
+	$(BIN)/python docs/tools/pages.py docs/tutorials/*.md docs/how-to/*.md
 
 docs-serve: $(VENV)/.docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs serve

@@ -3,7 +3,7 @@
 A page's fenced blocks are its program, in the page's order: a block with ``title="NAME"`` is a file to write, ``sh`` and ``python``
 without a title run. A comment ``<!-- not run by the tests: REASON -->`` before a block leaves that block out. A ``text`` block
 directly after one that runs shows its output, and a picture ``media/pages/PAGE-NAME`` is the file NAME that the page's program
-wrote, in whichever folder.
+wrote, in whichever folder; a picture that it did not write stays as it is.
 """
 
 import os
@@ -28,7 +28,12 @@ BLOCK = re.compile(
 )
 LARGEST_PX = (720, 720)
 """Size of a picture: the width of a page's text."""
-NUMBER = re.compile(r"[-+−]?\d[\d.,]*(e[-+]?\d+)?")
+NUMBER = re.compile(r"[-+−]?\d[\d.,]*(?:e[-+]?\d+)?")
+OF_THE_MACHINE = re.compile(rf"{NUMBER.pattern}(?= (?:ms|runs per CPU hour|× real time)\b)")
+"""Computing times, which are not compared."""
+SHARE, LAST_DIGITS = 0.05, 1.0
+"""How far a number may be from the one shown: share of it, and units of its last digit. On one machine outputs repeat to the digit;
+another processor rounds differently, and contact amplifies that."""
 
 
 class Block(NamedTuple):
@@ -78,9 +83,26 @@ def outputs_of(page: Path, folder: Path, env: Mapping[str, str]) -> Iterator[tup
         yield block, done.stdout
 
 
-def words_of(output: str) -> str:
-    """Return an output without its numbers and spacing, which differ between machines."""
-    return " ".join(NUMBER.sub("#", output).split())
+def difference(shown: str, output: str) -> str | None:
+    """Return how an output differs from the one that a page shows, or None: other words, or a number beyond its tolerance."""
+    texts = [OF_THE_MACHINE.sub("time", text) for text in (shown, output)]
+    shown_words, words = (" ".join(NUMBER.sub("#", text).split()) for text in texts)
+    if shown_words != words:
+        return f"shown: {shown_words}\nprinted: {words}"
+    pairs = zip(*(NUMBER.findall(text) for text in texts), strict=True)
+    return next((f"{was} is shown, {now} is printed" for was, now in pairs if not _agree(was, now)), None)
+
+
+def _agree(was: str, now: str) -> bool:
+    """Return whether two numbers agree within the tolerance; dates and versions only if they are the same."""
+    shown, printed = (text.rstrip(".,").replace("−", "-").replace(",", "") for text in (was, now))
+    try:
+        value, other = float(shown), float(printed)
+    except ValueError:
+        return shown == printed
+    mantissa, _, exponent = shown.partition("e")
+    unit = 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
+    return abs(value - other) <= SHARE * abs(value) + LAST_DIGITS * unit * (1.0 + 1e-9)
 
 
 def renew(page: Path) -> None:
@@ -94,9 +116,10 @@ def renew(page: Path) -> None:
                     f"{block.text}```\n\n```text\n{block.shown}```", f"{block.text}```\n\n```text\n{output.rstrip()}\n```"
                 )
         for name in re.findall(rf"\(\.\./media/pages/{page.stem}-([\w.-]+)\)", text):
-            picture = Image.open(next(folder.rglob(name))).convert("RGB")
-            picture.thumbnail(LARGEST_PX)
-            picture.quantize().save(DOCS / "media" / "pages" / f"{page.stem}-{name}", optimize=True)
+            for made in [*folder.rglob(name)][:1]:
+                picture = Image.open(made).convert("RGB")
+                picture.thumbnail(LARGEST_PX)
+                picture.quantize().save(DOCS / "media" / "pages" / f"{page.stem}-{name}", optimize=True)
     page.write_text(text, encoding="utf-8")
 
 
