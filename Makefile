@@ -14,7 +14,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 # Tests of processes on the wall clock run while no other test needs the processor, and the whole emulated chair and the bursts alone: they keep
 # two cores busy. A machine that is busy otherwise makes messages late, as the guard rightly says: such a test may be run three times.
-REAL_TIME := $(addprefix tests/hardware/test_,arming.py bno055.py guard_process.py links.py) tests/run/test_loop_watchdog.py
+REAL_TIME := $(addprefix tests/hardware/test_,arming.py bno055.py drive_contract.py guard_process.py links.py) tests/run/test_loop_watchdog.py
 EMULATED := $(addprefix tests/hardware/test_,drive_on_emulator.py tick_in_bursts.py)
 RERUN := --reruns 2 --reruns-delay 5
 

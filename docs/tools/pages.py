@@ -31,9 +31,9 @@ LARGEST_PX = (720, 720)
 NUMBER = re.compile(r"[-+−]?\d[\d.,]*(?:e[-+]?\d+)?")
 OF_THE_MACHINE = re.compile(rf"{NUMBER.pattern}(?= (?:ms|runs per CPU hour|× real time)\b)")
 """Computing times, which are not compared."""
-SHARE, LAST_DIGITS = 0.05, 1.0
+SHARE, LAST_DIGITS = 0.1, 1.0
 """How far a number may be from the one shown: share of it, and units of its last digit. On one machine outputs repeat to the digit;
-another processor rounds differently, and contact amplifies that."""
+kernels compiled for a generic processor round differently, which moved a margin of tutorial ``own-robot`` by 4.8 %."""
 
 
 class Block(NamedTuple):
