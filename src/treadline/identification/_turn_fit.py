@@ -216,7 +216,7 @@ def _runs(records: Sequence[InputOutputRecord]) -> list[InputOutputRecord]:
         rate = turn_rate(record.y, record.output_names, record.dt_s)
         u = record.u[: len(rate)]
         for start, stop in runs_of(np.isfinite(u).all(axis=1) & np.isfinite(rate)):
-            runs.append(InputOutputRecord(u=u[start:stop], y=rate[start:stop], dt_s=record.dt_s))
+            runs.append(InputOutputRecord(u=u[start:stop], y=rate[start:stop, None], dt_s=record.dt_s))
     return runs
 
 
