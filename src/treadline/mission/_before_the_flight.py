@@ -23,10 +23,9 @@ def look(now: Situation, motions: Motions) -> MotionPlan:
     """Looks for a flight: lays the flipper on a flight, drives on over a landing until one is in view, turns aside on the floor."""
     if now.is_on_a_flight:
         return replace(now.still, flipper=ride(now)) if now.estimate is not None and now.stair.map_count else now.still
-    if now.flights_done and now.stair.map_count and now.estimate is not None and now.estimate.source == "vision":
-        return now.still
     if now.flights_done:
-        return driving(now, now.way.sign * SLOW_M_S, motions.level.keep(now.estimate))
+        sees = now.stair.map_count and now.estimate is not None and now.estimate.source == "vision"
+        return now.still if sees else driving(now, now.way.sign * SLOW_M_S, motions.level.keep(now.estimate))
     return driving(now, 0.0, motions.sweep(now))
 
 
