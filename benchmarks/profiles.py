@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 from tables import markdown
 
 from treadline.campaign._results import clopper_pearson
@@ -31,8 +32,9 @@ QUIET_DEG_S = 15.0
 """Pitch rate above which a drive is not quiet [°/s]."""
 UNEVEN_M = 0.012
 """Largest deviation of a rise or a run [m]."""
-TIPPED_DEG_S = 25.0
-"""Pitch rate above which a chair has tipped [°/s]."""
+TIPPED_DEG_S, ROCKS_DEG, LASTS = 25.0, 2.0, 10
+"""Pitch rate above which a chair has tipped [°/s]; angle below which a chair beyond its margin has only rocked from one nosing onto
+the next [°], which is listed apart; number of ticks for which that must last."""
 
 Tables = Mapping[str, Any]
 
@@ -85,12 +87,20 @@ def judged(number: int, seed: int, drive_refused: bool) -> dict[str, Any]:
         "rate_deg_s": 0.0 if scores is None else scores.max_pitch_rate_deg_s,
         "passenger_m_s2": 0.0 if scores is None else scores.passenger_max_m_s2,
         "margin_deg": 90.0 if scores is None else scores.min_stability_margin_deg,
+        "beyond_deg": beyond_deg(np.degrees(run.trace["stability_margin_rad"]), np.degrees(run.trace["pitch_rad"])),
     }
 
 
+def beyond_deg(margin_deg: Float[np.ndarray, " T"], pitch_deg: Float[np.ndarray, " T"]) -> float:
+    """Return the largest angle by which the chair turned while it was beyond its margin, and for 0.1 s after it [°]."""
+    changes = np.flatnonzero(np.diff(np.concatenate([[0], margin_deg < 0.0, [0]])))
+    lasting = [(start, end + LASTS) for start, end in changes.reshape(-1, 2) if end - start >= LASTS]
+    return max((float(np.ptp(pitch_deg[start:end])) for start, end in lasting), default=0.0)
+
+
 def _tipped(row: Mapping[str, Any]) -> bool:
-    """Return whether a chair turned over a part of its support: it fell, turned too fast, or stood beyond its margin."""
-    return row["verdict"] in ("fell", "diverged") or row["rate_deg_s"] > TIPPED_DEG_S or row["margin_deg"] < 0.0
+    """Return whether a chair turned over a part of its support: it fell, turned too fast, or turned while beyond its margin."""
+    return row["verdict"] in ("fell", "diverged") or row["rate_deg_s"] > TIPPED_DEG_S or row["beyond_deg"] > ROCKS_DEG
 
 
 def share(count: int, total: int) -> str:
@@ -112,13 +122,17 @@ def main() -> int:
     seed = secrets.randbelow(2**31) if options.seed is None else options.seed
     print(f"{options.draws} draws, seed {seed}")
     with ProcessPoolExecutor(options.workers) as pool:
-        rows = list(pool.map(judged, range(options.draws), [seed] * options.draws, [False] * options.draws))
+        rows = []
+        for row in pool.map(judged, range(options.draws), [seed] * options.draws, [False] * options.draws):
+            rows.append(row)
+            print(f"\r{len(rows)} of {options.draws}", end="", file=sys.stderr, flush=True)
         refused = [row["number"] for row in rows if row["check"] == "refuse"][: options.refused]
         tried = list(pool.map(judged, refused, [seed] * len(refused), [True] * len(refused)))
     went = [row for row in rows if row["check"] == "go"]
     tips = [row for row in went if _tipped(row)]
-    ends = [row for row in went if row not in tips and row["verdict"] != "arrived"]
-    fast = [row for row in went if row not in tips and row not in ends and row["rate_deg_s"] > QUIET_DEG_S]
+    rocks = [row for row in went if row not in tips and row["margin_deg"] < 0.0]
+    ends = [row for row in went if row not in (*tips, *rocks) and row["verdict"] != "arrived"]
+    fast = [row for row in went if row not in (*tips, *rocks, *ends) and row["rate_deg_s"] > QUIET_DEG_S]
     quiet = [row for row in tried if row["verdict"] == "arrived" and row["rate_deg_s"] < QUIET_DEG_S and row["margin_deg"] > 0.0]
     counts = Counter((row["kind"], row["check"]) for row in rows)
     lines = [f"| {kind} | {counts[kind, 'go']} | {counts[kind, 'refuse']} |" for kind in sorted({row["kind"] for row in rows})]
@@ -127,6 +141,7 @@ def main() -> int:
         "| figure | share |",
         [
             f"| go, and the drive tips | {share(len(tips), len(went))} |",
+            f"| go, and the chair rocks by at most {ROCKS_DEG:g}° | {share(len(rocks), len(went))} |",
             f"| go, and the drive is held, refused, rough or out of time | {share(len(ends), len(went))} |",
             f"| go, and the drive turns faster than {QUIET_DEG_S:g}°/s | {share(len(fast), len(went))} |",
             f"| refused, and the drive arrives quietly | {share(len(quiet), len(tried))} |",
@@ -137,7 +152,7 @@ def main() -> int:
         [
             f"| {row['number']} | {row['kind']} | {row['verdict']} | {row['rate_deg_s']:.1f} | {row['passenger_m_s2']:.1f} "
             f"| {row['margin_deg']:.1f} | {row['cause'] or row['reason']} |"
-            for row in (*tips, *ends, *fast, *quiet)
+            for row in (*tips, *rocks, *ends, *fast, *quiet)
         ],
         title="Wrong answers",
     )

@@ -74,6 +74,11 @@ DRIVES: dict[str, tuple[dict[str, Any], list[tuple[dict[str, Any], float, dict[s
         {},
         [({"tick": 100_000}, 1.0, QUIET), (silent("camera"), 2.9, {"held": None}), ({}, 0.1, {"held": "no frame for 3.0 s"})],
     ),
+    "a silent estimate": ({}, [({}, 1.0, {}), (silent("estimate"), 0.4, {"held": "heading estimate silent for 0.30 s"})]),
+    "an estimate without what it is made from": (
+        {},
+        [({}, 1.0, {}), (silent("imu", "estimate"), 0.4, {"held": "heading estimate silent for 0.30 s: no IMU sample for 0.30 s"})],
+    ),
     "darkness, and light": ({}, [({"spoil": spoils("camera", brightness=0.01)}, 0.3, {}), (SOUND, 0.3, {"events": [DIM, CLEAR]})]),
     "over a crest with 3 % of depth": ({"blind_timeout_s": 1.0}, [(poor(0.03), 2.0, {"held": None})]),
     "over a crest with 1 % of depth": ({"blind_timeout_s": 1.0}, [(poor(0.01), 2.0, {"brake": True})]),

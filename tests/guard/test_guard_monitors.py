@@ -1,6 +1,7 @@
 """Monitors of the guard by themselves: what the rules' faults do not reach, at values that are exact in binary."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import fields, replace
 from typing import Any
 
@@ -9,6 +10,7 @@ import pytest
 from world import belts, flipper, frame, heading, imu, known, limits, stair
 
 from treadline.core.angles import DEG
+from treadline.core.rotations import rotation_z
 from treadline.core.signals import FreeGround, ImuSample, MotionPlan, SeatReading, TrackCommand
 from treadline.guard import Guard, GuardConfig, ReadingAdmission
 from treadline.guard._attitude_limits import SeatMonitor
@@ -481,6 +483,71 @@ def moved(t_s: float, orientation: tuple[float, ...], pitch_rate_rad_s: float) -
 
 def plan(phase: Any, *, needs_stair: bool = False) -> MotionPlan:
     return MotionPlan(t_s=0.0, phase=phase, speed_m_s=0.1, needs_stair=needs_stair)
+
+
+def side(*ends: Sequence[float]) -> FreeGround:
+    """Return the ground of a frame with one side in view."""
+    return FreeGround(t_s=0.0, view="front", blind_m=0.5, seen_m=2.0, sides_B=tuple((x, y, 0.0) for x, y in ends))
+
+
+def test_the_outline_of_a_turn_keeps_from_every_side_in_view() -> None:
+    """Test: 300 sides at random, each as 2,001 points, and turns by up to 60° about a centre 0.2 m ahead of mid-track. Expected
+    result: a cause where a point is within 5 cm of the chair, but for sides within 2 mm of that."""
+    rng = np.random.default_rng(63)
+    config = limits(turn_outline_m=(0.6, 0.5, 0.4), turn_centre_m=0.2)
+    causes = 0
+    for ends, turn_rad in zip(rng.uniform(-1.2, 1.2, (300, 2, 2)), rng.uniform(-1.0, 1.0, 300), strict=True):
+        watch, now = SweptOutline(config), known(config, plan=plan("turn"))
+        watch.hear(imu(0.0), now)
+        watch.hear(side(*ends), now)
+        for k in range(1, 11):
+            watch.hear(replace(imu(0.1 * k), angular_velocity_rad_s=(0.0, 0.0, turn_rad)), now)
+        from_centre = (ends[0] + np.linspace(0.0, 1.0, 2001)[:, None] * (ends[1] - ends[0]) - (0.2, 0.0)) @ rotation_z(turn_rad)[
+            :2, :2
+        ]
+        x, y = from_centre.T + [[0.2], [0.0]]
+        inside_m = np.minimum(np.minimum(x + 0.65, 0.55 - x), 0.45 - np.abs(y)).max()
+        if abs(inside_m) > 0.002:
+            assert (watch.cause(now) is not None) == (inside_m > 0.0)
+        causes += inside_m > 0.0
+    assert 100 < causes < 200
+
+
+@pytest.mark.parametrize(
+    ("turned_deg", "off_m", "is_same"), [(8.0, 0.07, True), (12.0, 0.07, False), (0.0, 0.09, True), (0.0, 0.11, False)]
+)
+def test_the_newest_sighting_of_a_side_counts(turned_deg: float, off_m: float, is_same: bool) -> None:
+    """Test: a wall 1 cm too near, then one further off and turned. Expected result: one wall within 10° and 10 cm, its newer place
+    counts; beyond, the former wall still stands there."""
+    config = limits(turn_outline_m=(0.5, 0.5, 0.4))
+    watch, now = SweptOutline(config), known(config, plan=plan("turn"))
+    watch.hear(imu(0.0), now)
+    watch.hear(side((0.54, -0.5), (0.54, 0.5)), now)
+    assert watch.cause(now) is not None
+    along_m = 0.2 * math.tan(turned_deg * DEG)
+    watch.hear(side((0.54 + off_m - along_m, -0.2), (0.54 + off_m + along_m, 0.2)), now)
+    assert (watch.cause(now) is None) == is_same
+
+
+@pytest.mark.parametrize(("place_m", "stops"), [(1.375, False), (1.365, True)])
+def test_an_obstacle_is_held_for_nearer_than_its_distance(place_m: float, stops: bool) -> None:
+    """Test: something 0.375 m and 0.365 m ahead of the front; at 0.25 m/s a chair keeps 0.25 m and stops within 0.125 m."""
+    watch = AheadMonitor(LENGTHS)
+    for _ in range(2):
+        watch.hear(frame(0.0, obstacle_m=place_m), NOW)
+    assert (watch.cause(known(LENGTHS, speed_m_s=0.25)) is not None) == stops
+
+
+@pytest.mark.parametrize(("travel_m", "is_kept"), [(0.1, False), (0.2, True)])
+def test_an_obstacle_below_the_view_is_kept(travel_m: float, is_kept: bool) -> None:
+    """Test: something 1.35 m from mid-track in four frames, and twelve that show nothing, from 1.25 and 1.15 m. Expected result:
+    what the camera should show, from 1.2 m on, fades; what it cannot is kept."""
+    watch = AheadMonitor(LENGTHS)
+    for _ in range(4):
+        watch.hear(frame(0.0, obstacle_m=1.35), NOW)
+    for _ in range(12):
+        watch.hear(frame(0.0), known(LENGTHS, travel_m=travel_m))
+    assert (watch.cause(known(LENGTHS, speed_m_s=0.25, travel_m=travel_m)) is not None) == is_kept
 
 
 def test_a_side_of_one_landing_is_forgotten_on_the_next() -> None:

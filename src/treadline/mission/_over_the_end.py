@@ -106,8 +106,8 @@ def go_over(now: Situation, motions: Motions) -> MotionPlan:
         return now.still
     spare_rad = 0.0 if now.phase == "approach" else CREST_SPARE_RAD
     turn = motions.level.keep(now.estimate, spare_rad=spare_rad) if _drives(command) else 0.0
-    feedforward = motions.pitch_feedforward(now, allowed=command.is_unloaded and now.is_on_a_flight)
-    return driving(now, command.speed_m_s + feedforward, turn, command.flipper)
+    # The way knows of falls; what was added on the flight decreases.
+    return driving(now, command.speed_m_s + motions.pitch_feedforward(now, allowed=False), turn, command.flipper)
 
 
 def _drives(command: FollowCommand) -> bool:
