@@ -6,6 +6,7 @@ moves, has no room.
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -24,7 +25,7 @@ from treadline.mission._over_the_end import is_clear
 from treadline.mission._situation import Situation, TurnCommand
 from treadline.mission.mission_config import KnownLandings
 from treadline.vehicle.flight_plan import FlightPlan
-from treadline.vehicle.landing_turn import OFF_PLAN_M, has_room, way_over
+from treadline.vehicle.landing_turn import OFF_PLAN_M, has_room, ways_over
 from treadline.vehicle.landing_turn_kernels import DRIVE_M, HEADING_RAD, Outline
 from treadline.vehicle.loading import plumb
 
@@ -36,7 +37,7 @@ NEXT_POSES, LEAST_S = 3, 0.33
 AT_END_RAD = 1.0 * DEG
 """Angle from the last pose of the way at which the chair has turned [rad]: that of a chair square to a flight."""
 REPLANS_S = 1.0
-"""Least time between two searches [s]: each takes up to 0.2 s of the loop, 0.8 s on a flight 1.0 m wide."""
+"""Least time between two searches [s]."""
 SIDES: tuple[Side, Side] = ("left", "right")
 AGREES_RAD = 5.0 * DEG
 """Difference of the measured heading from that on the landing within which the camera sees the next flight [rad]."""
@@ -57,6 +58,8 @@ class Turner:
         self._way: Float[np.ndarray, "n 3"] = np.empty((0, 3))
         self._at = 0
         """Pose of the way that the chair has reached."""
+        self._search: Iterator[Float[np.ndarray, "n 3"] | None] | None = None
+        """Search that goes on, by a portion a tick."""
         self._searched_s = -math.inf
         """Time of the latest search."""
         self._is_folded, self._barred = False, ""
@@ -90,19 +93,19 @@ class Turner:
         folded_rad = rest_rad(now) if flipper is None else flipper.range_deg[1] * DEG
         command = TurnCommand(speed_m_s=0.0, rate_rad_s=0.0, flipper_rad=folded_rad)
         if tracks is not None and tracks.brake_on:  # a person who re-arms the chair allows another try
-            self._searched_s, self._way, self._barred = -math.inf, np.empty((0, 3)), ""
+            self._searched_s, self._search, self._way, self._barred = -math.inf, None, np.empty((0, 3)), ""
             return command
+        is_there = len(self._way) > 0 and self._at == len(self._way) - 1
+        if not self._barred and not is_there:
+            self._barred = self._plan(now, landing, place) or ""
         if self._barred:
             return replace(command, barred=self._barred)
-        if now.flipper is None or not (self._is_folded or now.flipper.angle_rad > folded_rad - THERE_RAD):
+        self._is_folded = self._is_folded or (now.flipper is not None and now.flipper.angle_rad > folded_rad - THERE_RAD)
+        if not self._is_folded or self._search is not None:  # a chair without a way stands
             return command
-        self._is_folded = True
-        goal_rad = landing.turn_rad if now.is_up else 0.0
-        if len(self._way) and self._at == len(self._way) - 1:
+        if is_there:
+            goal_rad = landing.turn_rad if now.is_up else 0.0
             return self._at_the_end(now, replace(command, flipper_rad=rest_rad(now)), wrap(place.centre[2] - goal_rad))
-        self._barred = self._plan(now, landing, place) or self._barred
-        if self._barred or not len(self._way):
-            return replace(command, barred=self._barred)
         self._advance(place.centre)
         x, y, heading = self._way[min(self._at + NEXT_POSES, len(self._way) - 1)] - place.centre
         along_m = x * math.cos(place.centre[2]) + y * math.sin(place.centre[2])
@@ -121,18 +124,30 @@ class Turner:
         off_m = float(np.hypot(*(self._way[:, :2] - place.centre[:2]).T).min()) if len(self._way) else math.inf
         if self._at:
             self._worst_m = max(self._worst_m, off_m)
-        if now.t_s - self._searched_s < REPLANS_S:
+        outline = self._outline.about(place.centre_m)
+        if self._search is None and now.t_s - self._searched_s >= REPLANS_S:
+            left = self._way[self._at :]
+            if off_m > OFF_PLAN_M or not has_room(landing, self._width_m, outline.wider(TURN_CLEAR_M), left):
+                down_m = None if now.is_up else now.config.chair.reach_m
+                self._search = self._ways(landing, outline, place.centre, down_m)
+        way = None if self._search is None else next(self._search)
+        if way is None:
             return None
-        outline, width_m = self._outline.about(place.centre_m), self._width_m
-        if off_m < OFF_PLAN_M and has_room(landing, width_m, outline.wider(TURN_CLEAR_M), self._way[self._at :]):
-            return None
-        down_m = None if now.is_up else now.config.chair.reach_m
+        self._search, self._searched_s, self._way, self._at = None, now.t_s, way, 0
+        return None if len(way) else _no_room(landing, outline)
+
+    def _ways(
+        self, landing: FlightPlan, outline: Outline, centre: Vector3, down_m: float | None
+    ) -> Iterator[Float[np.ndarray, "n 3"] | None]:
+        """Search a way by portions, with the distance by which the chair may be off it, or else without."""
+        way = None
         for clear_m in (TURN_CLEAR_M + OFF_PLAN_M, TURN_CLEAR_M):
-            way = way_over(landing, width_m, outline.wider(clear_m), place.centre, off_m=down_m)
-            if len(way):
-                self._way, self._at, self._searched_s = way, 0, now.t_s
-                return None
-        return _no_room(landing, outline)
+            for way in ways_over(landing, self._width_m, outline.wider(clear_m), centre, off_m=down_m):
+                if way is None:
+                    yield None
+            if way is not None and len(way):
+                break
+        yield way
 
     def _advance(self, centre: Vector3) -> None:
         """Pass the poses of the way to which the chair is not nearer than to the next one."""

@@ -5,6 +5,7 @@ pass a side, the wall or drop there, or the next flight's foot.
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -23,6 +24,8 @@ WITHIN_M = 0.002
 NEAR_M = 0.16
 """Largest distance of the pose from which a way is searched from that of the chair [m]:
 two deviations of its place aside, or a chair whose belts have just come on the landing, by its distance from edges."""
+PORTION = 1000
+"""Number of cells from which a search goes on in a portion [-]: about 1 ms."""
 MOST_M = 3.0
 """Side of the largest landing that is searched [m]: on more than twice its length every chair turns."""
 
@@ -32,9 +35,20 @@ def way_over(
 ) -> Float[np.ndarray, "n 3"]:
     """Return the poses of the quickest way over a landing to the next flight, a drive or a turn apart; empty if there is none.
 
-    Columns: place of the point from which the outline counts, from the landing's nosing, in F [m], and heading [rad].
+    Columns and arguments as of ``ways_over``.
+    """
+    return [way for way in ways_over(plan, width_m, outline, near, off_m=off_m) if way is not None][-1]
+
+
+def ways_over(
+    plan: FlightPlan, width_m: float, outline: Outline, near: Vector3 | None = None, *, off_m: float | None = None
+) -> Iterator[Float[np.ndarray, "n 3"] | None]:
+    """Search the quickest way over a landing to the next flight by portions; yield None until it ends, then the way.
+
+    Its columns: place of the point from which the outline counts, from the landing's nosing, in F [m], and heading [rad].
 
     Args:
+        plan: The landing and the flight above.
         width_m: Width of both flights.
         outline: Outline of the chair, with its distance from walls and edges.
         near: Pose of the chair, near which the way begins where it has room; unset: as the chair has come on the landing, in the
@@ -50,7 +64,13 @@ def way_over(
         goal, before_m = np.zeros(3), outline.belts_rear_m + OBSTACLE_CLEAR_M
     start = start if near is None else _free_start(landing, outline, near * mirrored)
     lane_m = max(0.5 * width_m - outline.half_m, kernels.CELL_M)
-    return np.asarray(kernels.search(landing, outline, start, goal, lane_m, before_m) * mirrored)
+    way, is_there = np.empty((0, 3)), kernels.is_free(landing, outline, *start)
+    reached, queue = kernels.reached_from(landing, start)
+    while is_there and len(queue):
+        way, queue = kernels.search(landing, outline, reached, queue, goal, lane_m, before_m, PORTION)
+        if len(queue):
+            yield None
+    yield np.asarray(way * mirrored)
 
 
 def has_room(plan: FlightPlan, width_m: float, outline: Outline, way: Float[np.ndarray, "n 3"]) -> bool:

@@ -86,58 +86,87 @@ def is_free(landing: Landing, outline: Outline, x: float, y: float, heading: flo
     return not (-outline.rear_m < along < outline.front_m and abs(aside) < outline.half_m)
 
 
+class Reached(NamedTuple):
+    """Cells that a search has reached, each with one number for heading, column and row."""
+
+    cells: tuple[int, int, int]
+    """Numbers of headings, columns and rows."""
+    step_rad: float
+    """Difference of two headings [rad]."""
+    came: Any
+    """Cell from which each was reached, and one [-]; zero at the start, and where none was."""
+    spent: Any
+    """Cost up to each cell, and one; zero where none was reached."""
+    signs: Any
+    """Signs of the last drive and the last turn, and whether the last move was a drive."""
+    closed: Any
+    poses: Any
+
+
+def reached_from(landing: Landing, start: Any) -> tuple[Reached, Any]:
+    """Return the cells of a search that begins at a place in the landing's frame and a heading [m, m, rad], and its queue."""
+    turns = round(landing.turn / HEADING_RAD)
+    step = landing.turn / turns
+    columns, rows = int(landing.depth / CELL_M) + 2, int((landing.left - landing.right) / CELL_M) + 2
+    count = (turns + 2 * BEYOND + 1) * columns * rows
+    number = BEYOND + round(start[2] / step)
+    cell = (number * columns + int(start[0] / CELL_M)) * rows + int((start[1] - landing.right) / CELL_M)
+    came, spent = np.zeros((2, count), dtype=np.int32)
+    signs, closed, poses = np.zeros((count, 3), dtype=np.int8), np.zeros(count, dtype=np.bool_), np.zeros((count, 3))
+    spent[cell], poses[cell] = 1, (start[0], start[1], (number - BEYOND) * step)
+    return Reached((turns + 2 * BEYOND + 1, columns, rows), step, came, spent, signs, closed, poses), np.array([[0, cell]])
+
+
 @njit(cache=True)
-def search(landing: Landing, outline: Outline, start: Any, goal: Any, lane_m: float, before_m: float) -> Any:
-    """Return the poses of the quickest way from a start to the lane and the direction of a flight, one row each; empty if none.
+def search(
+    landing: Landing, outline: Outline, reached: Reached, queue: Any, goal: Any, lane_m: float, before_m: float, most: int
+) -> Any:
+    """Return the poses of the quickest way to the lane and the direction of a flight, one row each, and the queue.
+
+    There is no way (yet) if there is no row; the search has ended if its queue is empty.
 
     Args:
         landing: Landing.
         outline: Outline of the chair.
-        start: Place in the landing's frame and heading [m, m, rad].
+        reached: Cells that have been reached.
+        queue: Cells from which the search goes on, a heap of pairs: cost at least over a cell, and the cell.
         goal: Place on the flight's middle line and its direction, zero or the turn [m, m, rad].
         lane_m: Largest distance from that line [m].
         before_m: Least distance from the flight along it [m].
+        most: Number of cells from which it goes on at most.
     """
-    turn = landing.turn
-    last = BEYOND + int(round(turn / HEADING_RAD))
-    step = turn / (last - BEYOND)
+    (headings, columns, rows), step, came, spent, signs, closed, poses = reached
     ends = BEYOND + int(round(goal[2] / step))
-    columns, rows = int(landing.depth / CELL_M) + 2, int((landing.left - landing.right) / CELL_M) + 2
-    number = BEYOND + int(round(start[2] / step))
-    if not is_free(landing, outline, start[0], start[1], (number - BEYOND) * step):
-        return np.empty((0, 3))
-    count = (last + BEYOND + 1) * columns * rows
-    came, spent = np.full(count, -1, dtype=np.int32), np.full(count, 1 << 30, dtype=np.int32)
-    signs, closed = np.zeros((count, 3), dtype=np.int8), np.zeros(count, dtype=np.bool_)
-    poses = np.empty((count, 3))
-    cell = (number * columns + int(start[0] / CELL_M)) * rows + int((start[1] - landing.right) / CELL_M)
-    spent[cell], poses[cell] = 0, (start[0], start[1], (number - BEYOND) * step)
-    queue = [(0, cell)]
-    while queue:
-        cell = heapq.heappop(queue)[1]
+    heap = [(cost, cell) for cost, cell in queue]
+    while heap and most > 0:
+        cell = heapq.heappop(heap)[1]
         if closed[cell]:
             continue
         closed[cell] = True
+        most -= 1
         number = cell // (columns * rows)
         if _cost_left(poses[cell], goal, abs(number - ends), lane_m, before_m) == 0:
-            return _way(cell, came, poses)
+            return _way(cell, came, poses), queue[:0]
         for move in range(4):
             kind, sign = move // 2, 2 * (move % 2) - 1
             to, drive_m = number + kind * sign, (1 - kind) * sign * DRIVE_M
             x, y = poses[cell, 0] + drive_m * math.cos(poses[cell, 2]), poses[cell, 1] + drive_m * math.sin(poses[cell, 2])
-            if to < 0 or to > last + BEYOND or not is_free(landing, outline, x, y, (to - BEYOND) * step):
+            if to < 0 or to >= headings or not is_free(landing, outline, x, y, (to - BEYOND) * step):
                 continue
-            reached = (to * columns + int(x / CELL_M)) * rows + int((y - landing.right) / CELL_M)
+            at = (to * columns + int(x / CELL_M)) * rows + int((y - landing.right) / CELL_M)
             reverses = sign * signs[cell, kind] < 0
             takes = DRIVE_COST if not kind else 0 if signs[cell, 2] else TURN_COST
             cost = spent[cell] + takes + reverses * REVERSAL_COST
-            if closed[reached] or cost >= spent[reached]:
+            if closed[at] or 0 < spent[at] <= cost:
                 continue
-            came[reached], spent[reached], poses[reached] = cell, cost, (x, y, (to - BEYOND) * step)
-            signs[reached] = signs[cell]
-            signs[reached, kind], signs[reached, 2] = sign, 1 - kind
-            heapq.heappush(queue, (cost + _cost_left(poses[reached], goal, abs(to - ends), lane_m, before_m), reached))
-    return np.empty((0, 3))
+            came[at], spent[at], poses[at] = cell + 1, cost, (x, y, (to - BEYOND) * step)
+            signs[at] = signs[cell]
+            signs[at, kind], signs[at, 2] = sign, 1 - kind
+            heapq.heappush(heap, (cost + _cost_left(poses[at], goal, abs(to - ends), lane_m, before_m), at))
+    left = np.empty((len(heap), 2), dtype=np.int64)
+    for place, (cost, cell) in enumerate(heap):
+        left[place] = cost, cell
+    return np.empty((0, 3)), left
 
 
 @njit(cache=True)
@@ -156,9 +185,9 @@ def _way(cell: int, came: Any, poses: Any) -> Any:
     count = 0
     at = cell
     while at != -1:
-        count, at = count + 1, came[at]
+        count, at = count + 1, came[at] - 1
     way = np.empty((count, 3))
     for place in range(count):
         way[count - 1 - place] = poses[cell]
-        cell = came[cell]
+        cell = came[cell] - 1
     return way
