@@ -21,7 +21,7 @@ from treadline.estimation.known_nosings import KnownNosings
 from treadline.vehicle.loading import Loading
 from treadline.vehicle.rest_poses import Ground, RestChair, RestPose, nosings_of, rest_chair
 from treadline.vehicle.traction import friction_needed
-from treadline.vehicle.way import FLIPPER_RAD_S, PITCH_RAD_S, SPEED_M_S, WayState, WayTable, steepest_rad
+from treadline.vehicle.way import FLIPPER_RAD_S, PITCH_RAD_S, SPEED_M_S, TIP_FRICTION, WayState, WayTable, steepest_rad
 
 Place = Literal["before", "foot", "ride", "top", "past"]
 """Where a chair is: before the flight, over its foot, on it with the flipper riding, over its upper end, or past it."""
@@ -53,9 +53,8 @@ PACE_PER_S, STOPS_RAD_S = 1.0, 4.0 * DEG
 contact ends the pitch's motion at once, at 5 cm/s at the seat."""
 PRESS_RAD_S = 10.0 * DEG
 """Rate at which the tip is pressed down where a contact is not measured [rad/s]."""
-CONTACT_SHARE, LIFTED_RAD, TIP_FRICTION = 0.5, 0.7 * DEG, 1.0
-"""Share of its load from which a contact counts as measured, angle by which a tip that bears lifts the chair [rad], and friction of
-rubber on dry ground at most, by which a tip that reaches far down stands without torque."""
+CONTACT_SHARE, LIFTED_RAD = 0.5, 0.7 * DEG
+"""Share of its load from which a contact counts as measured, and angle by which a tip that bears lifts the chair [rad]."""
 PLACE_SIGMA_M, ANGLE_SIGMA_RAD, PITCH_SIGMA_RAD = 0.015, 1.3 * DEG, 0.1 * DEG
 """Standard deviations of a chair's place by the tracker [m], of the flipper's angle on the ground, 10 mm at its tip, and of the
 pitch [rad]."""
@@ -70,6 +69,8 @@ IDLE_RAD, IDLE_S = 12.0 * DEG, 3.0
 is forgotten [s]."""
 WAITS = f"nothing carried the flipper in {PATIENCE_S:.0f} s: its motor is dead, or the landing is not there"
 SLIPS = f"the chair stayed for {PATIENCE_S:.0f} s while the belts ran: they slip on the last nosing"
+STANDS = (0.0, 0.0, 0.0)
+"""Belt speed, flipper rate and pitch rate of a chair that stands."""
 TICK_MAX_S = 10.0 * TICK_S
 """Longest time step [s]; a longer pause does not count as waiting for belts or flipper."""
 
@@ -82,6 +83,8 @@ class FollowCommand:
     speed_m_s: float
     """Speed of both belts [m/s]; negative backs down."""
     flipper: FlipperCommand
+    pitch_rad_s: float
+    """Pitch rate of the chair on its way [rad/s]."""
     tip_n: float
     """Load on the flipper's tip from motor torque [N]."""
     is_unloaded: bool
@@ -229,11 +232,12 @@ class Follower:
             self._rate.stop()
         place = self._place(terrain)
         self._plan(terrain, place, flipper, imu, tick_s)
-        state, speed, rate = self._follow(terrain, place, flipper, imu.pitch_rad, dt_s)
+        state, (speed, rate, pitch_rad_s) = self._follow(terrain, place, flipper, imu.pitch_rad, dt_s)
         return FollowCommand(
             place=place,
             speed_m_s=speed,
             flipper=FlipperCommand(t_s=imu.t_s, rate_rad_s=self._rate.step(rate, dt_s)),
+            pitch_rad_s=pitch_rad_s,
             tip_n=self._tip.load_n,
             is_unloaded=self._tip.is_unloaded,
             state=state,
@@ -333,21 +337,21 @@ class Follower:
 
     def _follow(
         self, terrain: Terrain, place: Place, flipper: FlipperReading, pitch: float, dt_s: float
-    ) -> tuple[WayState | None, float, float]:
-        """Return the state on the way, belt speed and flipper rate; without a way in time the chair stands."""
+    ) -> tuple[WayState | None, tuple[float, float, float]]:
+        """Return the state on the way, and belt speed, flipper rate and pitch rate; without a way in time the chair stands."""
         table = self._table
         if place not in ("foot", "top"):
             self._begin()
-            return None, self._sign * SPEED_M_S, 0.0
+            return None, (self._sign * SPEED_M_S, 0.0, 0.0)
         if table is None:
             self._wait(dt_s, "no way leads over the ground that is seen")
-            return None, 0.0, 0.0
+            return None, STANDS
         x_m = terrain.x_m + self._ahead_m + self._place_m
         pose = self._correct(table, x_m, flipper, pitch, dt_s)
         node = table.nearest(x_m, flipper.angle_rad + self._offset_rad, pitch)
         if node < 0:
             self._table = None
-            return None, 0.0, 0.0
+            return None, STANDS
         middle = table.after(node, 0.5 * LOOK_S)
         at, half, then = table.state(node), table.state(middle), table.state(table.after(middle, 0.5 * LOOK_S))
         first_s, second_s = _took(at, half), _took(half, then)
@@ -363,7 +367,8 @@ class Follower:
         self._elsewhere_s = self._elsewhere_s + dt_s if is_behind else 0.0
         stands = self._elsewhere_s > LOOK_S
         self._watch(table, at, flipper, 0.0 if stands else rate, dt_s, bears=pose is not None and pose.torques_n_m[0] > 0.0)
-        return (at, 0.0, 0.0) if self._barred or stands else (at, speed, rate)
+        pitch_rate = pace * (then.pitch_rad - at.pitch_rad)
+        return at, STANDS if self._barred or stands else (speed, rate, pitch_rate)
 
     def _correct(self, table: WayTable, x_m: float, flipper: FlipperReading, pitch: float, dt_s: float) -> RestPose | None:
         """Correct place and flipper angle on the table's ground, and return the pose there; None if the chair cannot stand there.
