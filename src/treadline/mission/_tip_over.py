@@ -47,7 +47,8 @@ class TipOverFeedforward:
             allowed: Whether speed may be added; speed that was added before still decreases.
             planned_rad_s: Pitch rate by which a way turns the chair, which is no fall [rad/s].
         """
-        falls_rad_s = self.rate_rad_s - planned_rad_s
+        rate = self.rate_rad_s
+        falls_rad_s = rate - min(max(planned_rad_s, min(rate, 0.0)), max(rate, 0.0))
         if abs(falls_rad_s) <= DEAD_BAND_RAD_S:
             self._since_s = None
         elif self._since_s is None:

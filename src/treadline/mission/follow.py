@@ -21,7 +21,7 @@ from treadline.estimation.known_nosings import KnownNosings
 from treadline.vehicle.loading import Loading
 from treadline.vehicle.rest_poses import Ground, RestChair, RestPose, nosings_of, rest_chair
 from treadline.vehicle.traction import friction_needed
-from treadline.vehicle.way import FLIPPER_RAD_S, PITCH_RAD_S, SPEED_M_S, TIP_FRICTION, WayState, WayTable, steepest_rad
+from treadline.vehicle.way import FLIPPER_RAD_S, PITCH_RAD_S, SPEED_M_S, WayState, WayTable, steepest_rad
 
 Place = Literal["before", "foot", "ride", "top", "past"]
 """Where a chair is: before the flight, over its foot, on it with the flipper riding, over its upper end, or past it."""
@@ -53,8 +53,9 @@ PACE_PER_S, STOPS_RAD_S = 1.0, 4.0 * DEG
 contact ends the pitch's motion at once, at 5 cm/s at the seat."""
 PRESS_RAD_S = 10.0 * DEG
 """Rate at which the tip is pressed down where a contact is not measured [rad/s]."""
-CONTACT_SHARE, LIFTED_RAD = 0.5, 0.7 * DEG
-"""Share of its load from which a contact counts as measured, and angle by which a tip that bears lifts the chair [rad]."""
+CONTACT_SHARE, LIFTED_RAD, TIP_FRICTION = 0.5, 0.7 * DEG, 1.0
+"""Share of its load from which a contact counts as measured, angle by which a tip that bears lifts the chair [rad], and friction of
+rubber on dry ground at most, by which a tip that reaches far down stands without torque."""
 PLACE_SIGMA_M, ANGLE_SIGMA_RAD, PITCH_SIGMA_RAD = 0.015, 1.3 * DEG, 0.1 * DEG
 """Standard deviations of a chair's place by the tracker [m], of the flipper's angle on the ground, 10 mm at its tip, and of the
 pitch [rad]."""

@@ -60,7 +60,7 @@ def explore(
         angles: Grid of flipper angles [rad].
         ground: Vertices of the ground.
         limits: Torque that is free [N m], most friction, error of the centre of mass along the chair [m], steepest line of the
-            ground [rad], most torque [N m], friction that is known, and most friction of the tip.
+            ground [rad], most torque [N m], friction that is known, and friction of a tip that slides.
         rates: Speed of belts [m/s], flipper and pitch [rad/s].
         prices: In seconds: per m/s of a fall; per second and (m/s)² of a fall that an error would cause, beyond the quiet speed;
             quiet speed [m/s]; per second and rad² of pitch above the steepest line; per second of the motor's whole torque; per
