@@ -39,16 +39,15 @@ class TipOverFeedforward:
         self._imu_s = imu.t_s
         self.rate_rad_s += (imu.angular_velocity_rad_s[1] - self.rate_rad_s) * (1.0 - math.exp(-dt_s / TIME_CONSTANT_S))
 
-    def step(self, t_s: float, *, allowed: bool, planned_rad_s: float = 0.0) -> float:
+    def step(self, t_s: float, *, allowed: bool, way_rad_s: float = 0.0) -> float:
         """Return the speed added to both belts at this tick [m/s], positive uphill.
 
         Args:
             t_s: Mission time.
             allowed: Whether speed may be added; speed that was added before still decreases.
-            planned_rad_s: Pitch rate by which a way turns the chair, which is no fall [rad/s].
+            way_rad_s: Pitch rate by which a way turns the chair, which is no fall [rad/s].
         """
-        rate = self.rate_rad_s
-        falls_rad_s = rate - min(max(planned_rad_s, min(rate, 0.0)), max(rate, 0.0))
+        falls_rad_s = self.rate_rad_s - min(max(way_rad_s, min(self.rate_rad_s, 0.0)), max(self.rate_rad_s, 0.0))
         if abs(falls_rad_s) <= DEAD_BAND_RAD_S:
             self._since_s = None
         elif self._since_s is None:

@@ -8,6 +8,7 @@ moves, has no room.
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 from jaxtyping import Float
@@ -38,6 +39,7 @@ AT_END_RAD = 1.0 * DEG
 """Angle from the last pose of the way at which the chair has turned [rad]: that of a chair square to a flight."""
 REPLANS_S = 1.0
 """Least time between two searches [s]."""
+NO_WAY = np.empty((0, 3))
 SIDES: tuple[Side, Side] = ("left", "right")
 AGREES_RAD = 5.0 * DEG
 """Difference of the measured heading from that on the landing within which the camera sees the next flight [rad]."""
@@ -55,7 +57,7 @@ class Turner:
             self._outline, self._width_m = known.outline, known.width_m
         self._place: LandingPlace | None = None
         self._frames: list[FreeGround] = []
-        self._way: Float[np.ndarray, "n 3"] = np.empty((0, 3))
+        self._way: Float[np.ndarray, "n 3"] = NO_WAY
         self._at = 0
         """Pose of the way that the chair has reached."""
         self._search: Iterator[Float[np.ndarray, "n 3"] | None] | None = None
@@ -93,7 +95,7 @@ class Turner:
         folded_rad = rest_rad(now) if flipper is None else flipper.range_deg[1] * DEG
         command = TurnCommand(speed_m_s=0.0, rate_rad_s=0.0, flipper_rad=folded_rad)
         if tracks is not None and tracks.brake_on:  # a person who re-arms the chair allows another try
-            self._searched_s, self._search, self._way, self._barred = -math.inf, None, np.empty((0, 3)), ""
+            self._searched_s, self._search, self._way, self._barred = -math.inf, None, NO_WAY, ""
             return command
         is_there = len(self._way) > 0 and self._at == len(self._way) - 1
         if not self._barred and not is_there:
@@ -129,25 +131,15 @@ class Turner:
             left = self._way[self._at :]
             if off_m > OFF_PLAN_M or not has_room(landing, self._width_m, outline.wider(TURN_CLEAR_M), left):
                 down_m = None if now.is_up else now.config.chair.reach_m
-                self._search = self._ways(landing, outline, place.centre, down_m)
-        way = None if self._search is None else next(self._search)
+                # With the distance by which the chair may be off its way, or else without.
+                around = (outline.wider(by_m) for by_m in (TURN_CLEAR_M + OFF_PLAN_M, TURN_CLEAR_M))
+                ways = (ways_over(landing, self._width_m, each, place.centre, off_m=down_m) for each in around)
+                self._search = (way for way in chain.from_iterable(ways) if way is None or len(way))
+        way = None if self._search is None else next(self._search, NO_WAY)
         if way is None:
             return None
         self._search, self._searched_s, self._way, self._at = None, now.t_s, way, 0
         return None if len(way) else _no_room(landing, outline)
-
-    def _ways(
-        self, landing: FlightPlan, outline: Outline, centre: Vector3, down_m: float | None
-    ) -> Iterator[Float[np.ndarray, "n 3"] | None]:
-        """Search a way by portions, with the distance by which the chair may be off it, or else without."""
-        way = None
-        for clear_m in (TURN_CLEAR_M + OFF_PLAN_M, TURN_CLEAR_M):
-            for way in ways_over(landing, self._width_m, outline.wider(clear_m), centre, off_m=down_m):
-                if way is None:
-                    yield None
-            if way is not None and len(way):
-                break
-        yield way
 
     def _advance(self, centre: Vector3) -> None:
         """Pass the poses of the way to which the chair is not nearer than to the next one."""

@@ -32,9 +32,8 @@ QUIET_M_S = 0.02
 PRICES = (400.0, 400.0, QUIET_M_S, 3000.0, 3.0, 6.0, 1.0, 50.0, 100.0)
 """Prices [s], see ``way_kernels.explore``. A passenger of 4 m/s² stops a fall from 1 mm: it costs more than any detour. Pitch above
 the steepest line, load on the tip, and motion have small prices, so that of equal ways the one with less of them is taken."""
-TORQUE_SHARES, SLIDES = (0.7, 0.95), 0.62
-"""Share of the flipper's torque that a way uses freely, and at a price at most; friction of a tip that slides towards its axis,
-which adds to that torque: along the belts in Table I."""
+TORQUE_SHARES = (0.7, 0.95)
+"""Share of the flipper's torque that a way uses freely, and at a price at most."""
 PORTION, SWEEPS = 40, 4
 """States that are explored, and sweeps over all of them, in a portion: about 2 ms."""
 
@@ -124,14 +123,14 @@ class WayTable:
         steps = np.arange(math.ceil(low - 1e-9), high + 1e-9)
         self.angles_rad = start.angles_rad[0] + angle_rad * steps
         size = self.places_m.size * self.angles_rad.size * BRANCHES
-        self._pitch, self._state = np.full(size, np.nan), np.zeros((size, 5))
+        self._pitch, self._state = np.full(size, np.nan), np.zeros((size, 3))
         self._leads, self._cost = np.full((size, len(MOVES)), -1), np.zeros((size, len(MOVES), 2))
         self._order, self._to_go = np.empty(size, dtype=np.int64), np.full(size, np.inf)
         self.start = int(np.argmin(np.abs(steps))) * BRANCHES
         moves = range_rad[0] < range_rad[1]
         free, most = (share * chair.torques_n_m[0] if moves else math.inf for share in TORQUE_SHARES)
         # A single nosing has no line to the next one: no pitch is above it.
-        self._limits = np.array([free, friction, ERROR_M, steepest_rad(ground, 0.5 * math.pi), most, known_friction, SLIDES])
+        self._limits = np.array([free, friction, ERROR_M, steepest_rad(ground, 0.5 * math.pi), most, known_friction])
         self._rates = np.array([SPEED_M_S, FLIPPER_RAD_S, PITCH_RAD_S])
         self._end_rad = end_rad
         self._pitch[self.start] = start.pitch_rad

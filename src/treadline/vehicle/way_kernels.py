@@ -52,15 +52,14 @@ def explore(
         last: Number of states after which this portion ends.
         order: States in the order in which they were found.
         pitch: Pitch of each state [rad]; not a number where it has not been found.
-        state: Of each state: price of a second there; drop that an error would cause [m]; torque of the flipper's motor [N m], what
-            a friction of 1 would add to it at a tip that slides towards its axis [N m], and the tip's place, outwards [m].
+        state: Of each state: price of a second there; drop that an error would cause [m]; torque of the flipper's motor [N m].
         leads: State to which each move leads from each state; -1 where it cannot be made.
         cost: Cost and drop [m] of each move.
         places: Grid of places in the order of the drive [m].
         angles: Grid of flipper angles [rad].
         ground: Vertices of the ground.
         limits: Torque that is free [N m], most friction, error of the centre of mass along the chair [m], steepest line of the
-            ground [rad], most torque [N m], friction that is known, and friction of a tip that slides.
+            ground [rad], most torque [N m], friction that is known.
         rates: Speed of belts [m/s], flipper and pitch [rad/s].
         prices: In seconds: per m/s of a fall; per second and (m/s)² of a fall that an error would cause, beyond the quiet speed;
             quiet speed [m/s]; per second and rad² of pitch above the steepest line; per second of the motor's whole torque; per
@@ -93,7 +92,7 @@ def explore(
                     if state[to, 0] < np.inf:
                         order[count] = to
                         count += 1
-            if state[to, 0] == np.inf or not _carries(state[node], state[to], limits):
+            if state[to, 0] == np.inf:
                 continue
             turned = abs(pitch[to] - pitch[node])
             swung = abs(angles[to_j] - angles[j])
@@ -105,8 +104,7 @@ def explore(
                 + prices[6] * swung
                 + prices[0] * max(math.sqrt(2.0 * GRAVITY_M_S2 * fall) - prices[2], 0.0)
             )
-            # What was followed without a fall is undone alike.
-            if fall == 0.0 and move < PAIRED and _carries(state[to], state[node], limits):
+            if fall == 0.0 and move < PAIRED:  # what was followed without a fall is undone alike
                 leads[to, move ^ 1], cost[to, move ^ 1, 1], cost[to, move ^ 1, 0] = node, 0.0, cost[node, move, 0]
     return count
 
@@ -179,22 +177,7 @@ def _describe(
     over = max(torque / limits[0] - 1.0, 0.0)
     state[0] = prices[1] * lacks * lacks + prices[3] * above * above + prices[4] * torque / torques[0] + prices[7] * over
     state[0] += prices[8] * max(grip - limits[5], 0.0)
-    state[1], state[2], state[3], state[4] = drop, out[15], 0.0, 0.0
-    body, weighs = posture(angle, parts, masses)
-    for which in range(2):
-        part = int(out[13 + which])
-        if body[part, 6] == 0.0:
-            below = out[1] + math.sin(out[0]) * body[part, 0] + math.cos(out[0]) * body[part, 1] - out[5 + 2 * which]
-            borne = out[8] if which == 0 else 1.0 - out[8]
-            state[3] = borne * GRAVITY_M_S2 * (weighs[0] + weighs[3]) * max(below, 0.0)
-            state[4] = out[4 + 2 * which] * (1.0 if body[part, 2] >= body[part, 0] else -1.0)
-
-
-@njit(cache=True)
-def _carries(one: Any, other: Any, limits: Any) -> bool:
-    """Return whether the motor bears the tip between two states, and its friction where it slides towards its axis."""
-    slides = one[3] > 0.0 and other[3] > 0.0 and other[4] < one[4]
-    return not slides or max(one[2] + limits[6] * one[3], other[2] + limits[6] * other[3]) < limits[4]
+    state[1], state[2] = drop, out[15]
 
 
 @njit(cache=True)
