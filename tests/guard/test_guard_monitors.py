@@ -502,11 +502,9 @@ def test_the_outline_of_a_turn_keeps_from_every_side_in_view() -> None:
         watch.hear(side(*ends), now)
         for k in range(1, 11):
             watch.hear(replace(imu(0.1 * k), angular_velocity_rad_s=(0.0, 0.0, turn_rad)), now)
-        from_centre = (ends[0] + np.linspace(0.0, 1.0, 2001)[:, None] * (ends[1] - ends[0]) - (0.2, 0.0)) @ rotation_z(turn_rad)[
-            :2, :2
-        ]
-        x, y = from_centre.T + [[0.2], [0.0]]
-        inside_m = np.minimum(np.minimum(x + 0.65, 0.55 - x), 0.45 - np.abs(y)).max()
+        points = ends[0] + np.linspace(0.0, 1.0, 2001)[:, None] * (ends[1] - ends[0]) - (0.2, 0.0)
+        x, y = (points @ rotation_z(turn_rad)[:2, :2]).T
+        inside_m = np.minimum(np.minimum(x + 0.85, 0.35 - x), 0.45 - np.abs(y)).max()  # from the centre
         if abs(inside_m) > 0.002:
             assert (watch.cause(now) is not None) == (inside_m > 0.0)
         causes += inside_m > 0.0

@@ -45,7 +45,7 @@ def test_the_chair_drives_over_a_low_thing(name: str) -> None:
 
 
 def test_a_light_load_is_let_down_a_kerb_by_its_way_alone() -> None:
-    """Test: 160 mm, 35 kg that lean 70 mm ahead, the statistical camera with seed 113. Expected result: a margin of at least 5°, and a
+    """Test: 160 mm, 35 kg that lean 70 mm ahead, the statistical camera with seed 113. Expected result: a margin of at least 5°, a
     passenger at 2.5 m/s² at most. Belts that followed a fall as on a flight stopped there while the flipper went on: -1.4°, 7.7."""
     tables = {"stair": KERB | {"rise_m": 0.16, "landing_m": 3.0, "friction": [0.63, 0.5]}, "start": {"place": "landing"}}
     load = {"payload_kg": 35.0, "payload_offset_m": [0.07, 0.0, 0.0]}
