@@ -24,6 +24,7 @@ from treadline.campaign._results import clopper_pearson
 from treadline.core.processes import default_workers
 from treadline.run.episode import traverse
 from treadline.run.resolve import checked
+from treadline.run.run_scores import MARGIN_TICKS
 from treadline.scenario.scenario import scenario_of
 
 KINDS = ("kerb", "sill", "garden", "flight", "flight", "flight")
@@ -32,9 +33,9 @@ QUIET_DEG_S = 15.0
 """Pitch rate above which a drive is not quiet [°/s]."""
 UNEVEN_M = 0.012
 """Largest deviation of a rise or a run [m]."""
-TIPPED_DEG_S, ROCKS_DEG, LASTS = 25.0, 2.0, 10
+TIPPED_DEG_S, ROCKS_DEG = 25.0, 2.0
 """Pitch rate above which a chair has tipped [°/s]; angle below which a chair beyond its margin has only rocked from one nosing onto
-the next [°], which is listed apart; number of ticks for which that must last."""
+the next [°], which is listed apart."""
 
 Tables = Mapping[str, Any]
 
@@ -94,7 +95,7 @@ def judged(number: int, seed: int, drive_refused: bool) -> dict[str, Any]:
 def beyond_deg(margin_deg: Float[np.ndarray, " T"], pitch_deg: Float[np.ndarray, " T"]) -> float:
     """Return the largest angle by which the chair turned while it was beyond its margin, and for 0.1 s after it [°]."""
     changes = np.flatnonzero(np.diff(np.concatenate([[0], margin_deg < 0.0, [0]])))
-    lasting = [(start, end + LASTS) for start, end in changes.reshape(-1, 2) if end - start >= LASTS]
+    lasting = [(start, end + MARGIN_TICKS) for start, end in changes.reshape(-1, 2) if end - start >= MARGIN_TICKS]
     return max((float(np.ptp(pitch_deg[start:end])) for start, end in lasting), default=0.0)
 
 

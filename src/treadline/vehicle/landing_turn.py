@@ -25,7 +25,8 @@ NEAR_M = 0.16
 """Largest distance of the pose from which a way is searched from that of the chair [m]:
 two deviations of its place aside, or a chair whose belts have just come on the landing, by its distance from edges."""
 PORTION = 1000
-"""Number of cells from which a search goes on in a portion [-]: about 1 ms."""
+"""Number of cells from which a search goes on in a portion [-]: 1 to 1.5 ms in the median; the first, which touches most of the
+memory, has taken up to 50 ms."""
 MOST_M = 3.0
 """Side of the largest landing that is searched [m]: on more than twice its length every chair turns."""
 
