@@ -90,9 +90,9 @@ class Motions:
         turned, self._turned_rad = self._turned_rad, 0.0
         return self.level.sweep(now.t_s, turned)
 
-    def pitch_feedforward(self, now: Situation, square_rad: float = 0.0, *, allowed: bool = True, way_rad_s: float = 0.0) -> float:
+    def pitch_feedforward(self, now: Situation, square_rad: float = 0.0, *, allowed: bool = True) -> float:
         """Return the tip-over feed-forward [m/s]; no speed is added while the chair turns."""
-        return self.tip_over.step(now.t_s, allowed=allowed and turning_share(now, square_rad) < 1.0, way_rad_s=way_rad_s)
+        return self.tip_over.step(now.t_s, allowed=allowed and turning_share(now, square_rad) < 1.0)
 
     def steering(self, now: Situation, square_rad: float = 0.0, *, blind: bool = False) -> float | None:
         """Return the turn on the flight: None for the heading controller to steer, 0 while steering is suspended.

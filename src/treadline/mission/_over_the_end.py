@@ -106,9 +106,8 @@ def go_over(now: Situation, motions: Motions) -> MotionPlan:
         return now.still
     spare_rad = 0.0 if now.phase == "approach" else CREST_SPARE_RAD
     turn = motions.level.keep(now.estimate, spare_rad=spare_rad) if _drives(command) else 0.0
-    allowed = command.is_unloaded and now.is_on_a_flight
-    feedforward = motions.pitch_feedforward(now, allowed=allowed, way_rad_s=-command.pitch_rad_s)
-    return driving(now, command.speed_m_s + feedforward, turn, command.flipper)
+    decaying_m_s = motions.pitch_feedforward(now, allowed=False)  # the way is the one controller of the pitch there
+    return driving(now, command.speed_m_s + decaying_m_s, turn, command.flipper)
 
 
 def _drives(command: FollowCommand) -> bool:

@@ -39,21 +39,19 @@ class TipOverFeedforward:
         self._imu_s = imu.t_s
         self.rate_rad_s += (imu.angular_velocity_rad_s[1] - self.rate_rad_s) * (1.0 - math.exp(-dt_s / TIME_CONSTANT_S))
 
-    def step(self, t_s: float, *, allowed: bool, way_rad_s: float = 0.0) -> float:
+    def step(self, t_s: float, *, allowed: bool) -> float:
         """Return the speed added to both belts at this tick [m/s], positive uphill.
 
         Args:
             t_s: Mission time.
             allowed: Whether speed may be added; speed that was added before still decreases.
-            way_rad_s: Pitch rate by which a way turns the chair, which is no fall [rad/s].
         """
-        falls_rad_s = self.rate_rad_s - min(max(way_rad_s, min(self.rate_rad_s, 0.0)), max(self.rate_rad_s, 0.0))
-        if abs(falls_rad_s) <= DEAD_BAND_RAD_S:
+        if abs(self.rate_rad_s) <= DEAD_BAND_RAD_S:
             self._since_s = None
         elif self._since_s is None:
             self._since_s = t_s
         falls = allowed and self._since_s is not None and t_s - self._since_s < MAX_DURATION_S
-        asked = math.copysign(SLOW_M_S, falls_rad_s) if falls else 0.0  # belts at the slow speed do not turn round
+        asked = math.copysign(SLOW_M_S, self.rate_rad_s) if falls else 0.0  # belts at the slow speed do not turn round
         kept = math.copysign(max(abs(self._added_m_s) - DECAY_M_S2 * TICK_S, 0.0), self._added_m_s)
         self._added_m_s = asked if abs(asked) > abs(kept) else kept
         return self._added_m_s

@@ -70,8 +70,6 @@ IDLE_RAD, IDLE_S = 12.0 * DEG, 3.0
 is forgotten [s]."""
 WAITS = f"nothing carried the flipper in {PATIENCE_S:.0f} s: its motor is dead, or the landing is not there"
 SLIPS = f"the chair stayed for {PATIENCE_S:.0f} s while the belts ran: they slip on the last nosing"
-STANDS = (0.0, 0.0, 0.0)
-"""Belt speed, flipper rate and pitch rate of a chair that stands."""
 TICK_MAX_S = 10.0 * TICK_S
 """Longest time step [s]; a longer pause does not count as waiting for belts or flipper."""
 
@@ -84,8 +82,6 @@ class FollowCommand:
     speed_m_s: float
     """Speed of both belts [m/s]; negative backs down."""
     flipper: FlipperCommand
-    pitch_rad_s: float
-    """Pitch rate of the chair on its way [rad/s]."""
     tip_n: float
     """Load on the flipper's tip from motor torque [N]."""
     is_unloaded: bool
@@ -233,12 +229,11 @@ class Follower:
             self._rate.stop()
         place = self._place(terrain)
         self._plan(terrain, place, flipper, imu, tick_s)
-        state, (speed, rate, pitch_rad_s) = self._follow(terrain, place, flipper, imu.pitch_rad, dt_s)
+        state, speed, rate = self._follow(terrain, place, flipper, imu.pitch_rad, dt_s)
         return FollowCommand(
             place=place,
             speed_m_s=speed,
             flipper=FlipperCommand(t_s=imu.t_s, rate_rad_s=self._rate.step(rate, dt_s)),
-            pitch_rad_s=pitch_rad_s,
             tip_n=self._tip.load_n,
             is_unloaded=self._tip.is_unloaded,
             state=state,
@@ -338,21 +333,21 @@ class Follower:
 
     def _follow(
         self, terrain: Terrain, place: Place, flipper: FlipperReading, pitch: float, dt_s: float
-    ) -> tuple[WayState | None, tuple[float, float, float]]:
-        """Return the state on the way, and belt speed, flipper rate and pitch rate; without a way in time the chair stands."""
+    ) -> tuple[WayState | None, float, float]:
+        """Return the state on the way, and belt speed and flipper rate; without a way in time the chair stands."""
         table = self._table
         if place not in ("foot", "top"):
             self._begin()
-            return None, (self._sign * SPEED_M_S, 0.0, 0.0)
+            return None, self._sign * SPEED_M_S, 0.0
         if table is None:
             self._wait(dt_s, "no way leads over the ground that is seen")
-            return None, STANDS
+            return None, 0.0, 0.0
         x_m = terrain.x_m + self._ahead_m + self._place_m
         pose = self._correct(table, x_m, flipper, pitch, dt_s)
         node = table.nearest(x_m, flipper.angle_rad + self._offset_rad, pitch)
         if node < 0:
             self._table = None
-            return None, STANDS
+            return None, 0.0, 0.0
         middle = table.after(node, 0.5 * LOOK_S)
         at, half, then = table.state(node), table.state(middle), table.state(table.after(middle, 0.5 * LOOK_S))
         first_s, second_s = _took(at, half), _took(half, then)
@@ -368,8 +363,7 @@ class Follower:
         self._elsewhere_s = self._elsewhere_s + dt_s if is_behind else 0.0
         stands = self._elsewhere_s > LOOK_S
         self._watch(table, at, flipper, 0.0 if stands else rate, dt_s, bears=pose is not None and pose.torques_n_m[0] > 0.0)
-        pitch_rate = pace * (then.pitch_rad - at.pitch_rad)
-        return at, STANDS if self._barred or stands else (speed, rate, pitch_rate)
+        return (at, 0.0, 0.0) if self._barred or stands else (at, speed, rate)
 
     def _correct(self, table: WayTable, x_m: float, flipper: FlipperReading, pitch: float, dt_s: float) -> RestPose | None:
         """Correct place and flipper angle on the table's ground, and return the pose there; None if the chair cannot stand there.
