@@ -15,7 +15,7 @@ from treadline.mission._flipper_planner import rest_rad, turn_to
 from treadline.mission._motions import Motions, driving
 from treadline.mission._on_the_flight import way_out
 from treadline.mission._situation import ENTER_FROM_M, KEEPS_M, LEVEL_RAD, Crossing, Situation, on_the_tip
-from treadline.mission.follow import FollowCommand, Follower, Place, Terrain, terrain_of
+from treadline.mission.follow import CLEARS_M, FollowCommand, Follower, Place, Terrain, terrain_of
 from treadline.vehicle.loading import plumb
 from treadline.vehicle.way import FLIPPER_RAD_S
 
@@ -185,8 +185,8 @@ def presses(now: Situation) -> str | None:
 
 
 def lies_on_the_flight(now: Situation) -> str | None:
-    """The belts lie on the flight."""
-    is_there = not now.crossing.turned_back_for and _at(now, "ride", "foot", "past") is not None
+    """The belts lie on the flight; the tip is still over the landing or on it."""
+    is_there = not now.crossing.turned_back_for and now.around is not None and now.around.top.ahead_m > now.pivot_m + CLEARS_M
     return f"the belts lie on the flight, pitch {now.stair.pitch_rad / DEG:.1f}°" if is_there else None
 
 

@@ -38,8 +38,8 @@ BEFORE_M = 0.3
 """Distance before the reach of flipper or belts at which the follower takes over [m]: the time in which the flipper turns by 50°.
 A way ends half as far beyond an end."""
 CLEARS_M = 0.1
-"""Distance of the front pulley beyond the landing's edge from which the flipper rides on the way down; half of it before the edge
-the flipper reaches down on the way up [m]."""
+"""Distance beyond the landing's edge of the front pulley, from which the belts lie on the flight on the way down, and of the tip,
+from which the flipper rides; half of it before the front pulley reaches the edge the flipper reaches down on the way up [m]."""
 NEAR_M, SLOW_FROM_M = 1.2, 0.5
 """Distance of the nosings that concern a chair, and distance before an end at which it slows down [m]."""
 MOVED_M = 0.008
@@ -208,6 +208,8 @@ class Follower:
         """Angle by which the flipper lags behind its commands, and its last angle [rad]."""
         self._watched: tuple[WayTable | None, float] = (None, math.inf)
         """Table, and least cost to go on it [s]."""
+        self._has_carried = False
+        """Whether the tip has carried since the chair last came further."""
 
     def turn_back(self) -> None:
         """Go back to where the chair came from."""
@@ -257,7 +259,7 @@ class Follower:
             return "past"
         if x_m > terrain.top_m + self._rear_m + BEFORE_M:
             return "before"
-        return "top" if x_m > terrain.top_m - pivot_m - CLEARS_M else "foot" if x_m < terrain.foot_m + pivot_m else "ride"
+        return "top" if x_m > terrain.top_m - reach_m - CLEARS_M else "foot" if x_m < terrain.foot_m + pivot_m else "ride"
 
     def _plan(self, terrain: Terrain, place: Place, flipper: FlipperReading, imu: ImuSample, tick_s: float) -> None:
         """Fill the next table by a portion, or begin one where the ground is another than that of the table."""
@@ -459,8 +461,9 @@ class Follower:
         watched, least_s = self._watched
         if watched is not table or at.to_go_s < least_s - 1.0:
             self._watched = table, at.to_go_s
-            self._waited_s = self._waited_s if watched is not table else 0.0
-        self._wait(dt_s, WAITS if self._tip.is_unloaded and not self._elsewhere_s else SLIPS)
+            self._waited_s, self._has_carried = (self._waited_s, self._has_carried) if watched is not table else (0.0, False)
+        self._has_carried |= not self._tip.is_unloaded
+        self._wait(dt_s, SLIPS if self._has_carried or self._elsewhere_s else WAITS)
 
     def _wait(self, dt_s: float, cause: str) -> None:
         """Note a chair that does not come further for a cause."""
