@@ -310,6 +310,13 @@ def test_a_clock_that_is_no_number_holds_and_moves_no_stamp() -> None:
     assert drive.guard.admit(belts(1.08, 0.1, 0.1))
 
 
+def test_after_a_clock_that_leapt_back_a_re_armed_chair_hears_its_planner_again() -> None:
+    """Test: the clock of everything goes back by 10 s, and a person re-arms. Expected result: held, then driven as before."""
+    drive = Drive().run(12.0)
+    drive.tick -= 1000
+    play(drive, ({}, 1.0, {"mean_m_s": 0.0}), ({"press": {"rearm": True}}, 1.0, {"held": None, "mean_m_s": 0.2}))
+
+
 def test_a_fault_that_readings_do_not_show_brakes_at_once() -> None:
     drive = Drive().run(1.0)
     drive.guard.hold("two guards")
@@ -434,7 +441,7 @@ class Joystick(Drive):
     """A chair on the floor without a traversal, whose driver still asks for 0.2 m/s, and velocities ``late_s`` under way."""
 
     def __init__(self) -> None:
-        self.speed_m_s, self.late_s, self.every = 0.0, 0.005, 10
+        self.speed_m_s, self.turn_rad_s, self.late_s, self.every = 0.0, 0.0, 0.005, 10
         super().__init__(awaits_map=False, watches_slip=False)
         self.phase, self.needs_stair, self.pitch_rad = "arrived", False, 0.0
         self.run(0.2).events()
@@ -442,7 +449,8 @@ class Joystick(Drive):
 
     def step(self) -> TrackCommand:
         if self.speed_m_s > 0.0 and self.tick % self.every == 0:
-            self.guard.propose(VelocityCommand(t_s=self.t_s - self.late_s, speed_m_s=self.speed_m_s, turn_rad_s=0.0))
+            stamped_s = self.t_s - self.late_s
+            self.guard.propose(VelocityCommand(t_s=stamped_s, speed_m_s=self.speed_m_s, turn_rad_s=self.turn_rad_s))
         return super().step()
 
 
@@ -457,6 +465,16 @@ def test_velocities_drive_while_no_traversal_is_under_way() -> None:
     assert 0.0 < drive.run(0.3).mean_m_s < 0.06
     play(drive, ({}, 0.16, {"source": "driver", "brake": True, "mean_m_s": 0.0}), ({}, 1.0, {"held": None}))
     play(drive, (silent("plan") | {"speed_m_s": 0.1}, 0.35, {"held": "plan silent for 0.31 s"}))
+
+
+@pytest.mark.parametrize("turn_rad_s", [0.1, -0.1])
+def test_a_velocity_turns_the_chair_to_the_left_by_a_faster_right_belt(turn_rad_s: float) -> None:
+    """Expected result: speeds that differ by the turn times the distance of the belts, about the mean of 0.1 m/s."""
+    drive = Joystick()
+    drive.turn_rad_s = turn_rad_s
+    belts_m_s = drive.run(1.0).passed
+    apart_m_s = turn_rad_s * drive.guard.config.gauge_m
+    assert (belts_m_s.left_m_s, belts_m_s.right_m_s) == pytest.approx((0.1 - 0.5 * apart_m_s, 0.1 + 0.5 * apart_m_s))
 
 
 @pytest.mark.parametrize("late_s", [-0.2, 3.1, math.nan])

@@ -203,6 +203,19 @@ def test_the_ways_aside_of_driven_ground_add_up_over_turns() -> None:
     assert known == [True, False]
 
 
+def test_frames_move_a_confirmed_edge_while_it_is_in_view() -> None:
+    """Test: an edge 1.2 m behind with its nosings, then frames that show it 0.1 m nearer. Expected: 0.34 m are kept from there."""
+    chair = Chair().look(**REAR | {"seen_m": 1.2, "end_m": 1.2, "end_sigma_m": 0.0}).map(1.2)
+    chair.look(**REAR | {"seen_m": 1.1, "end_m": 1.1, "end_sigma_m": 0.0})
+    assert chair.goes(-0.1) == pytest.approx(1.1 - PULLEY_M - 0.34 - 0.1 * 0.4, abs=0.002)  # stops in 0.4 s
+
+
+def test_the_ground_of_the_latest_frame_is_known_at_an_unknown_heading() -> None:
+    chair = Chair().look(**FRONT)
+    chair.heading_rad = math.inf
+    assert chair.cause(0.1) is None
+
+
 def test_an_end_below_the_image_lies_aside_after_a_turn() -> None:
     chair = Chair().look(**FRONT | {"seen_m": 0.85, "end_m": 0.85, "end_sigma_m": 0.0})
     chair.heading_rad = 90.0 * DEG

@@ -327,22 +327,22 @@ def test_a_place_counts_by_the_share_of_the_frames_that_show_it() -> None:
     for every, is_there in ((1, True), (2, True), (3, True), (40, False)):
         watch = Sightings(3, 4, 12)
         for k in range(121):
-            watch.look([2.0] if k % every == 0 else [], 0.0, 3.0)
+            watch.look(2.0 if k % every == 0 else None, 0.0, 3.0)
         assert (watch.nearest_m() is not None) == is_there, every
     watch = Sightings(3, 4, 12)
     for k in range(9):
-        watch.look([2.0 - 0.125 * k], 0.0, 3.0)
+        watch.look(2.0 - 0.125 * k, 0.0, 3.0)
     assert watch.nearest_m() == 1.0
     for _ in range(20):
-        watch.look([], 1.25, 3.0)  # too near to be in view
+        watch.look(None, 1.25, 3.0)  # too near to be in view
     assert watch.nearest_m() == 1.0
-    watch.look([0.5], 0.0, 0.5)
-    watch.look([0.5], 0.0, 0.5)
+    watch.look(0.5, 0.0, 0.5)
+    watch.look(0.5, 0.0, 0.5)
     assert watch.nearest_m() == 0.5
     watch.forget(0.75)
     assert watch.nearest_m() == 1.0
     for _ in range(12):
-        watch.look([], 0.0, 3.0)
+        watch.look(None, 0.0, 3.0)
     assert watch.nearest_m() is None
     assert watch.is_empty
 
@@ -400,6 +400,9 @@ def test_a_gap_counts_from_its_fifth_map_and_fades() -> None:
     assert looks(gap, 15)
     assert looks(whole, 5)  # counted up to ten
     assert not looks(on_a_line(1.625, 2.0, 2.5))  # nosings that go on from where the gap should begin, give or take
+    # Past it once the track lies beyond: 1.5 m from where it began, less than the chair's end is ahead.
+    watch = ahead(LENGTHS, places=gap)
+    assert [watch.restriction(known(LENGTHS, travel_m=travel_m)) is None for travel_m in (1.375, 1.5)] == [False, True]
 
 
 def ahead(config: GuardConfig, **changes: Any) -> AheadMonitor:
@@ -527,12 +530,26 @@ def test_the_newest_sighting_of_a_side_counts(turned_deg: float, off_m: float, i
     assert (watch.cause(now) is None) == is_same
 
 
-@pytest.mark.parametrize(("place_m", "stops"), [(1.375, False), (1.365, True)])
-def test_an_obstacle_is_held_for_nearer_than_its_distance(place_m: float, stops: bool) -> None:
-    """Test: something 0.375 m and 0.365 m ahead of the front; at 0.25 m/s a chair keeps 0.25 m and stops within 0.125 m."""
-    watch = AheadMonitor(LENGTHS)
+@pytest.mark.parametrize(("view", "lead_m"), [("front", 1.0), ("rear", 0.5)])
+def test_an_obstacle_is_held_for_nearer_than_its_distance_wherever_the_chair_was_when_it_was_seen(view: Any, lead_m: float) -> None:
+    """Test: something 2 m from mid-track, and the chair drives towards it. Expected result: at 0.25 m/s a chair keeps 0.25 m and
+    stops within 0.125 m; it goes on 1 cm earlier, and has no obstacle in the other direction."""
+    way, config = {"front": 1.0, "rear": -1.0}[view], replace(LENGTHS, view=view)
+    watch = AheadMonitor(config)
     for _ in range(2):
-        watch.hear(frame(0.0, obstacle_m=place_m), NOW)
+        watch.hear(frame(0.0, obstacle_m=2.0), NOW)
+    for left_m, stops in ((0.385, False), (0.365, True)):
+        now = known(config, speed_m_s=0.25 * way, travel_m=way * (2.0 - lead_m - left_m))
+        assert (watch.cause(now) is not None) == stops
+    assert watch.cause(now) == "obstacle 0.36 m ahead"
+    assert watch.cause(replace(now, passed=known(config, speed_m_s=-0.25 * way).passed)) is None
+
+
+@pytest.mark.parametrize(("shown", "stops"), [([1, 0, 0, 1], True), ([1, 0, 0, 0, 1], False)])
+def test_an_obstacle_in_every_third_frame_is_there_from_its_second(shown: list[int], stops: bool) -> None:
+    watch = AheadMonitor(LENGTHS)
+    for is_shown in shown:
+        watch.hear(frame(0.0, **({"obstacle_m": 1.3} if is_shown else {})), NOW)
     assert (watch.cause(known(LENGTHS, speed_m_s=0.25)) is not None) == stops
 
 

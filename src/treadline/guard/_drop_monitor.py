@@ -66,11 +66,11 @@ class _Ground:
         bridges = place_m + ground.blind_m - self.known_m <= reach_m and ground.seen_m > ground.blind_m
         self._seen_m, self._seen_rad = place_m + min(ground.seen_m, GAP_SEEN_M) if bridges else -math.inf, self._heading_rad
         self.known_m = max(self.known_m, self._seen_m)
-        shown_m: list[float] = []
+        shown_m: float | None = None
         if ground.end_m is not None or ground.blind_m < ground.seen_m < GAP_SEEN_M:
-            shown_m = [place_m + (ground.seen_m if ground.end_m is None else ground.end_m - (ground.end_sigma_m or 0.0))]
-            self.is_drop = ground.end_m is not None or (abs(shown_m[0] - self._shown_m) < SAME_M and self.is_drop)
-            self._shown_m, self._is_hidden = shown_m[0], False
+            shown_m = place_m + (ground.seen_m if ground.end_m is None else ground.end_m - (ground.end_sigma_m or 0.0))
+            self.is_drop = ground.end_m is not None or (abs(shown_m - self._shown_m) < SAME_M and self.is_drop)
+            self._shown_m, self._is_hidden = shown_m, False
         if self.is_crossed(reach_m):
             self._ends.forget(self.end_m + SAME_M)
         self._ends.look(shown_m, self.blind_m, place_m + ground.seen_m - SAME_M)

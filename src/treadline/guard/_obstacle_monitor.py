@@ -85,7 +85,7 @@ class AheadMonitor(Monitor):
         # A gap that is out of view is kept; it is in view while the nosing before it is.
         from_m, to_m = (travel_m + places[k][0] - SAME_M for k in (0, -1)) if places else (math.inf, -math.inf)
         self._gaps.forget(travel_m + self._lead_m - self._config.track_span_m)
-        self._gaps.look([] if gap is None else [travel_m + gap[0]], from_m, to_m)
+        self._gaps.look(None if gap is None else travel_m + gap[0], from_m, to_m)
         if gap is not None:
             self._width_m = gap[1]
         if places:
@@ -123,5 +123,5 @@ class AheadMonitor(Monitor):
 def _show(sightings: Sightings, obstacle_m: float | None, travel_m: float) -> None:
     """Show the nearest obstacle of a frame or map, which may hide others; what is too near to be in view is kept."""
     sightings.forget(travel_m)
-    to_m = math.inf if obstacle_m is None else travel_m + obstacle_m
-    sightings.look([] if obstacle_m is None else [to_m], travel_m + OUT_OF_VIEW_M, to_m)
+    place_m = None if obstacle_m is None else travel_m + obstacle_m
+    sightings.look(place_m, travel_m + OUT_OF_VIEW_M, math.inf if place_m is None else place_m)

@@ -1,10 +1,9 @@
 """Places that frames show, counted by share: a detector that flickers does not hide what it shows now and then.
 
-``places seen in a frame, strip in view -> nearest place that is there``. Places are distances along the way of the belts, so that
+``place seen in a frame, strip in view -> nearest place that is there``. Places are distances along the way of the belts, so that
 they stay where they are while the chair drives and nothing is in view.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from treadline.guard._guard_config import SAME_M
@@ -33,18 +32,17 @@ class Sightings:
         self._gain, self._least, self._most = gain, least, most
         self._places: list[_Sighting] = []
 
-    def look(self, seen_m: Sequence[float], from_m: float, to_m: float) -> None:
-        """Update with the places that one frame shows, and the strip in which it would show others."""
-        new_m = list(seen_m)
+    def look(self, seen_m: float | None, from_m: float, to_m: float) -> None:
+        """Update with the place that one frame shows, if any, and the strip in which it would show others."""
+        same = next((known for known in self._places if seen_m is not None and abs(seen_m - known.place_m) < SAME_M), None)
         for sighting in self._places:
-            same_m = next((place_m for place_m in new_m if abs(place_m - sighting.place_m) < SAME_M), None)
-            if same_m is not None:
-                new_m.remove(same_m)
-                sighting.place_m, sighting.count = same_m, min(sighting.count + self._gain, self._most)
+            if seen_m is not None and sighting is same:
+                sighting.place_m, sighting.count = seen_m, min(sighting.count + self._gain, self._most)
             elif from_m < sighting.place_m < to_m:
                 sighting.count -= 1
         self._places = [sighting for sighting in self._places if sighting.count > 0]
-        self._places += [_Sighting(place_m, self._gain) for place_m in new_m]
+        if seen_m is not None and same is None:
+            self._places.append(_Sighting(seen_m, self._gain))
 
     def forget(self, before_m: float) -> None:
         """Forget places that the chair has passed."""
