@@ -56,7 +56,7 @@ class Stamps:
         return False
 
     def restart(self) -> None:
-        """Accept what is newer than now, after a re-arm: the clock may have leapt back."""
+        """Accept what is newer than now, after the clock has leapt back."""
         self._last_s = {key: min(last_s, self._now_s or 0.0) for key, last_s in self._last_s.items()}
 
     def _fault(self, kind: str, by: str, message: Stamped) -> str | None:

@@ -233,7 +233,6 @@ class Guard:
         self._latch.release(t_s)
         self._known.rearmed_s = t_s
         self._stand(t_s)
-        self._admission.stamps.restart()
         for monitor in self._watches.values():
             monitor.restart(self._known)
 
