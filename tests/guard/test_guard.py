@@ -310,13 +310,6 @@ def test_a_clock_that_is_no_number_holds_and_moves_no_stamp() -> None:
     assert drive.guard.admit(belts(1.08, 0.1, 0.1))
 
 
-def test_after_a_clock_that_leapt_back_a_re_armed_chair_hears_its_planner_again() -> None:
-    """Test: the clock of everything goes back by 10 s, and a person re-arms. Expected result: held, then driven as before."""
-    drive = Drive().run(12.0)
-    drive.tick -= 1000
-    play(drive, ({}, 1.0, {"mean_m_s": 0.0}), ({"press": {"rearm": True}}, 1.0, {"held": None, "mean_m_s": 0.2}))
-
-
 def test_a_fault_that_readings_do_not_show_brakes_at_once() -> None:
     drive = Drive().run(1.0)
     drive.guard.hold("two guards")

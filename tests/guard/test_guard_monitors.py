@@ -352,10 +352,6 @@ LENGTHS = limits(
 )  # fmt: skip
 
 
-def on_a_line(*places: float) -> list[float]:
-    return list(places)
-
-
 def test_a_gap_lies_behind_the_last_good_nosing() -> None:
     """Test: spacings just within and beyond the span, two nosings, three, the gap before or behind the short step, on a slope.
     Expected result: the nosing before the wider spacing, and the span."""
@@ -384,7 +380,7 @@ def test_a_flight_that_check_admits_has_no_gap_until_a_step_of_it_is_missing(ris
 def test_a_gap_counts_from_its_fifth_map_and_fades() -> None:
     """Test: maps with a gap and without, with one elsewhere, and with nothing there. Expected result: known after five more
     for than against; what is out of view is kept."""
-    gap, whole = on_a_line(1.0, 1.5, 2.25), on_a_line(1.0, 1.5, 2.0)
+    gap, whole = [1.0, 1.5, 2.25], [1.0, 1.5, 2.0]
     watch = AheadMonitor(LENGTHS)
 
     def looks(places: list[tuple[float, float]], maps: int = 1) -> bool:
@@ -394,12 +390,12 @@ def test_a_gap_counts_from_its_fifth_map_and_fades() -> None:
 
     assert not looks(gap, 4)
     assert looks(gap)
-    assert looks(on_a_line())
-    assert looks(on_a_line(1.6875, 2.0, 2.25))
+    assert looks([])
+    assert looks([1.6875, 2.0, 2.25])
     assert not looks(whole)
     assert looks(gap, 15)
     assert looks(whole, 5)  # counted up to ten
-    assert not looks(on_a_line(1.625, 2.0, 2.5))  # nosings that go on from where the gap should begin, give or take
+    assert not looks([1.625, 2.0, 2.5])  # nosings that go on from where the gap should begin, give or take
     # Past it once the track lies beyond: 1.5 m from where it began, less than the chair's end is ahead.
     watch = ahead(LENGTHS, places=gap)
     assert [watch.restriction(known(LENGTHS, travel_m=travel_m)) is None for travel_m in (1.375, 1.5)] == [False, True]
@@ -418,7 +414,7 @@ def ahead(config: GuardConfig, **changes: Any) -> AheadMonitor:
 def test_a_step_before_the_flights_last_nosing_is_no_obstacle_on_the_landing(last_m: float, stops: bool) -> None:
     """Test: frames from a flight show something 1.2 m away, the last nosing of the map before it and beyond it. Expected result:
     held before the former alone; a tread of open risers held a chair on its flight."""
-    watch = ahead(LENGTHS, places=on_a_line(0.8, last_m))
+    watch = ahead(LENGTHS, places=[0.8, last_m])
     for _ in range(2):
         watch.hear(frame(0.0, obstacle_m=1.2), NOW)
     assert (watch.cause(known(LENGTHS, speed_m_s=0.25)) is not None) == stops
@@ -430,8 +426,8 @@ def test_a_nosing_that_left_the_view_is_a_step_of_its_flight_and_of_no_other(
 ) -> None:
     """Test: nosings 0.8 to 1.4 m away, then a map that overlaps them, or one of another flight; frames show something before the
     new map. Expected result: a step of the former, an obstacle before the latter."""
-    watch = ahead(LENGTHS, places=on_a_line(0.8, 1.4))
-    watch.hear(stair(0.0, on_a_line(*then)), NOW)
+    watch = ahead(LENGTHS, places=[0.8, 1.4])
+    watch.hear(stair(0.0, list(then)), NOW)
     for _ in range(2):
         watch.hear(frame(0.0, obstacle_m=obstacle_m), NOW)
     assert (watch.cause(known(LENGTHS, speed_m_s=0.25)) is not None) == stops
@@ -439,8 +435,8 @@ def test_a_nosing_that_left_the_view_is_a_step_of_its_flight_and_of_no_other(
 
 def test_a_gap_counts_from_where_nosings_are_seen_well() -> None:
     """Test: gaps that begin 1.9 m from mid-track and further. Expected result: slow for the nearer one alone."""
-    assert ahead(LENGTHS, places=on_a_line(1.4, 1.9, 2.65)).restriction(NOW) is not None
-    assert ahead(LENGTHS, places=on_a_line(1.45, 1.95, 2.7)).restriction(NOW) is None
+    assert ahead(LENGTHS, places=[1.4, 1.9, 2.65]).restriction(NOW) is not None
+    assert ahead(LENGTHS, places=[1.45, 1.95, 2.7]).restriction(NOW) is None
 
 
 def tilted(pitch: float, roll: float) -> tuple[float, float, float, float]:
