@@ -17,12 +17,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 from tables import markdown
 
 from treadline.campaign._results import clopper_pearson
 from treadline.core.processes import default_workers
-from treadline.run.episode import traverse
+from treadline.run.episode import Traverse, traverse
 from treadline.run.resolve import checked
 from treadline.run.run_scores import MARGIN_TICKS
 from treadline.scenario.scenario import scenario_of
@@ -70,17 +69,15 @@ def draw(number: int, seed: int) -> tuple[str, Tables]:
 def judged(number: int, seed: int, drive_refused: bool) -> dict[str, Any]:
     """Return what ``check`` says of a draw, and what its drive does."""
     kind, tables = draw(number, seed)
-    report = checked(scenario_of({**tables, "sensors": {"camera": "statistical"}}, Path(), where=f"draw {number}"))
+    scenario = scenario_of({**tables, "sensors": {"camera": "statistical"}}, Path(), where=f"draw {number}")
+    report = checked(scenario)
     row = {"number": number, "kind": kind, "check": report.verdict, "reason": "; ".join(report.reasons)}
-    if report.verdict == "go":
-        drive = scenario_of({**tables, "sensors": {"camera": "statistical"}}, Path(), where=f"draw {number}")
-    elif drive_refused:
-        drive = scenario_of(
-            {**tables, "sensors": {"model": "ideal"}, "drive": {**tables["drive"], "check": False}}, Path(), where=f"draw {number}"
-        )
-    else:
-        return row
-    run = traverse(drive, seed=number)
+    if report.verdict != "go":
+        if not drive_refused:
+            return row
+        forced = {**tables, "sensors": {"model": "ideal"}, "drive": {**tables["drive"], "check": False}}
+        scenario = scenario_of(forced, Path(), where=f"draw {number}")
+    run = traverse(scenario, seed=number)
     scores = run.scores
     return row | {
         "verdict": run.verdict,
@@ -88,15 +85,15 @@ def judged(number: int, seed: int, drive_refused: bool) -> dict[str, Any]:
         "rate_deg_s": 0.0 if scores is None else scores.max_pitch_rate_deg_s,
         "passenger_m_s2": 0.0 if scores is None else scores.passenger_max_m_s2,
         "margin_deg": 90.0 if scores is None else scores.min_stability_margin_deg,
-        "beyond_deg": beyond_deg(np.degrees(run.trace["stability_margin_rad"]), np.degrees(run.trace["pitch_rad"])),
+        "beyond_deg": beyond_deg(run),
     }
 
 
-def beyond_deg(margin_deg: Float[np.ndarray, " T"], pitch_deg: Float[np.ndarray, " T"]) -> float:
+def beyond_deg(run: Traverse) -> float:
     """Return the largest angle by which the chair turned while it was beyond its margin, and for 0.1 s after it [°]."""
-    changes = np.flatnonzero(np.diff(np.concatenate([[0], margin_deg < 0.0, [0]])))
+    changes = np.flatnonzero(np.diff(np.concatenate([[0], run.trace["stability_margin_rad"] < 0.0, [0]])))
     lasting = [(start, end + MARGIN_TICKS) for start, end in changes.reshape(-1, 2) if end - start >= MARGIN_TICKS]
-    return max((float(np.ptp(pitch_deg[start:end])) for start, end in lasting), default=0.0)
+    return math.degrees(max((float(np.ptp(run.trace["pitch_rad"][start:end])) for start, end in lasting), default=0.0))
 
 
 def _tipped(row: Mapping[str, Any]) -> bool:
