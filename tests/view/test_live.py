@@ -208,18 +208,16 @@ def test_contact_forces_carry_the_chair_and_do_not_change_the_run(run: Feed) -> 
 def test_a_recorded_run_is_repeated_for_its_contact_forces(run: Feed) -> None:
     """Test: contact forces asked of a run that has ended. Expected: those of every tick, as during a live run."""
     live = of(contacts=True)
-    session = Session(feed=Feed.recorded(run.recording, run.order))
-    feed, repeated = session.feed, []
+    feed, repeated = Feed.recorded(run.recording, run.order), []
 
     def make(order: Order) -> Worker:
         repeated.append(order)
         return FinishedWorker(order)
 
     feed.start_repeat(make)
-    assert "repeating the run" in session.contacts_note
+    assert "repeat" in feed.workers
     feed.drain()
     assert not feed.workers
-    assert session.contacts_note == ""
     assert [found.t_s for found in feed.contacts] == [found.t_s for found in live.contacts]
     for found, expected in zip(feed.contacts, live.contacts, strict=True):
         np.testing.assert_array_equal(found.forces_W, expected.forces_W)

@@ -202,18 +202,6 @@ class Session:
             if len(known) != CONTACTS_MAX and not reaches_end:
                 self.feed.start_repeat()
 
-    @property
-    def contacts_note(self) -> str:
-        """Sentence about where the contact forces come from; empty if nothing needs to be said."""
-        known, repeats = self.feed.contacts, "repeat" in self.feed.workers
-        if self.feed.is_live or (known and not repeats):
-            return ""
-        if repeats:
-            return f"repeating the run: contact forces up to {known[-1].t_s if known else 0.0:.0f} s of {self.run.duration_s:.0f} s"
-        if self.can_repeat:
-            return "contact forces are computed by repeating the run"
-        return "this run cannot be repeated: no contact forces"
-
     # Commands to the chair
 
     def act(self, command: Command) -> None:
