@@ -208,7 +208,8 @@ def test_contact_forces_carry_the_chair_and_do_not_change_the_run(run: Feed) -> 
 def test_a_recorded_run_is_repeated_for_its_contact_forces(run: Feed) -> None:
     """Test: contact forces asked of a run that has ended. Expected: those of every tick, as during a live run."""
     live = of(contacts=True)
-    feed, repeated = Feed.recorded(run.recording, run.order), []
+    session = Session(feed=Feed.recorded(run.recording, run.order))
+    feed, repeated = session.feed, []
 
     def make(order: Order) -> Worker:
         repeated.append(order)
