@@ -195,7 +195,7 @@ UP: dict[str, Case] = {
     "wet steps": Case("climb", "the belts slip on the flight", wet),
 }
 DOWN: dict[str, Case] = {
-    "whole way": Case("arrived", "on the floor, pitch -?0.0°", world={"nosings": steps(5)}),
+    "whole way": Case("arrived", "on the floor, pitch -?0.0°"),
     "nothing in view": Case("search", "no stair in view behind", world={"spoil": lambda _: None, "knows": False}),
     "wakes up on a flight": Case("descend", "on a flight, pitched by 28", until("descend"), ON),
     "wakes up at an angle": Case("descend", "square within", until("descend"), HALF_WAY | {"heading_rad": 10.0 * DEG}),
@@ -217,16 +217,18 @@ DOWN: dict[str, Case] = {
     "wall": Case("approach", "the left wall is 0.30 m", world={"spoil": NARROW}),
     "open side": Case("approach", "left side is open 0.20 m", world={"spoil": OPEN}),
     "gap before the edge": Case("approach", "a step is missing: 0.6", after("align", lacks=5)),
-    "gap below the edge": Case("descend", "a step is missing: 0.6. m .* the first 0.(49|50) m before", after("align", lacks=1)),
+    "gap below the edge": Case("edge", "a step is missing: 0.6. m .* the first 0.(49|50) m before", after("align", lacks=1)),
+    "gap on the flight": Case("descend", "a step is missing: 0.6", after("align", lacks=1), {"nosings": steps(10)}),
     "gap seen as it is lifted": Case("edge", "a step is missing.*; it stands on the landing again", sees_a_gap("edge", -0.06)),
     "gap seen too late": Case(
         "edge", "a step is missing: 0.60 m from nosing to nosing, the first .* pulley$", sees_a_gap("edge", 0.02)
     ),
     "too little in view": Case("edge", "no more of the flight is in view", near_only(1.0)),
     "flipper stuck": Case("edge", "it would not carry the chair; it stands on the landing", world={"flipper_moves": False}),
-    "no floor": Case("descend", "nothing was seen beyond the last nosing", world={"shows_end": False, "nosings": steps(6)}),
+    "no floor": Case("descend", "nothing was seen beyond the last nosing", world={"shows_end": False, "nosings": steps(8)}),
+    "no floor from the edge": Case("edge", "nothing was seen beyond", world={"shows_end": False, "nosings": steps(6)}),
     "no floor but for the operator": Case(
-        "arrived", "on the floor", pressed("descend", flight_ends=True), {"shows_end": False, "nosings": steps(6)}
+        "arrived", "on the floor", pressed("descend", flight_ends=True), {"shows_end": False, "nosings": steps(8)}
     ),
     "flipper stuck on the last nosings": Case(
         "leave", "flipper stands at", after("leave", flipper_moves=False), {"nosings": steps(5)}

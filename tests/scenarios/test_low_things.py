@@ -44,15 +44,23 @@ def test_the_chair_drives_over_a_low_thing(name: str) -> None:
         assert np.median(run.trace["left_m_s"][over]) < 0.11
 
 
-def test_a_light_load_is_let_down_a_kerb_by_its_way_alone() -> None:
-    """Test: 160 mm, 35 kg that lean 70 mm ahead, the statistical camera with seed 113. Expected result: a margin of at least 5°, a
-    passenger at 2.5 m/s² at most. Belts that followed a fall as on a flight stopped there while the flipper went on: -1.4°, 7.7."""
-    tables = {"stair": KERB | {"rise_m": 0.16, "landing_m": 3.0, "friction": [0.63, 0.5]}, "start": {"place": "landing"}}
-    load = {"payload_kg": 35.0, "payload_offset_m": [0.07, 0.0, 0.0]}
-    rest = {"drive": {"direction": "down", "duration_s": 120.0}, "sensors": {"model": "statistical"}, "chair": load}
-    run = run_episode(resolve(Scenario.model_validate(tables | rest), None, 113))
+LIGHT = {"payload_kg": 35.0, "payload_offset_m": [0.07, 0.0, 0.0]}
+LOWERED: dict[str, tuple[dict[str, Any], int, float, float]] = {
+    "35 kg down a kerb": ({"stair": KERB | {"rise_m": 0.16, "friction": [0.63, 0.5]}, "chair": LIGHT}, 113, 5.0, 2.5),
+    "last riser 50 mm higher": ({"stair": FLIGHT | {"steps": 8}, "step": [{"index": -1, "rise_m": 0.2095}]}, 0, 3.5, 4.0),
+}
+
+
+@pytest.mark.parametrize("name", LOWERED)
+def test_over_an_edge_the_chair_is_let_down_by_its_way_alone(name: str) -> None:
+    """Test: statistical camera; margin at least, passenger at most. Belts that followed a fall as on a flight stopped at the kerb
+    while the flipper went on: -1.4°, 7.7 m/s²; a flipper that rode on before its tip had left the landing: 5.2 m/s²."""
+    tables, seed, margin_deg, passenger_m_s2 = LOWERED[name]
+    rest = {"start": {"place": "landing"}, "drive": {"direction": "down", "duration_s": 120.0}, "sensors": {"model": "statistical"}}
+    run = run_episode(resolve(Scenario.model_validate(tables | rest), None, seed))
     assert run.scores is not None
-    assert (run.verdict, run.scores.min_stability_margin_deg > 5.0, run.scores.passenger_max_m_s2 < 2.5) == ("arrived", True, True)
+    found = run.scores.min_stability_margin_deg > margin_deg, run.scores.passenger_max_m_s2 < passenger_m_s2
+    assert (run.verdict, *found) == ("arrived", True, True)
 
 
 @pytest.mark.parametrize(
