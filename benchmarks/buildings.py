@@ -123,9 +123,10 @@ CASES: dict[str, Tables] = {
 
 
 def least_grip(scenario: Scenario) -> float:
-    """Return the least friction along the belts on either half of any step, over what the slope needs."""
-    steps = as_designed(scenario.stair, scenario.step).steps
-    return min(along for step in steps for along, _ in step.friction) * scenario.stair.run_m / scenario.stair.rise_m
+    """Return the least friction along the belts on either half of any step, over what the steepest two steps need."""
+    stair, steps = scenario.stair, as_designed(scenario.stair, scenario.step).steps
+    rise_m = max((0.5 * (low.rise_m + high.rise_m) for low, high in pairwise(steps)), default=stair.rise_m)
+    return min(along for step in steps for along, _ in step.friction) * stair.run_m / rise_m
 
 
 def is_irregular(scenario: Scenario) -> bool:

@@ -270,7 +270,7 @@ CASES = [
         2.9,
         EVER,
         3.0,
-        "neither ground nor a side of the landing in view",
+        "neither ground nor",
         brakes=True,
         give_s=0.12,
         begin=between_sides,

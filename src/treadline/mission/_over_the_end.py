@@ -15,7 +15,7 @@ from treadline.mission._flipper_planner import rest_rad, turn_to
 from treadline.mission._motions import Motions, driving
 from treadline.mission._on_the_flight import way_out
 from treadline.mission._situation import ENTER_FROM_M, KEEPS_M, LEVEL_RAD, Crossing, Situation, on_the_tip
-from treadline.mission.follow import FollowCommand, Follower, Place, Terrain, terrain_of
+from treadline.mission.follow import CLEARS_M, FollowCommand, Follower, Place, Terrain, terrain_of
 from treadline.vehicle.loading import plumb
 from treadline.vehicle.way import FLIPPER_RAD_S
 
@@ -60,15 +60,14 @@ def _checked(now: Situation, crossing: Crossing) -> Crossing:
         return crossing
     # The flight must be complete over the length of the chair on it, and the stopping distance.
     whole_to_m = now.bears_m + KEEPS_M - now.around.top.ahead_m
-    # On the approach a gap further away does not count: there a detector may miss a single nosing. Beyond the edge the chair stops
-    # before a gap as in ``descend``.
-    over, seen_m = now.phase == "edge", GAP_SEEN_M - now.step_m
-    gap = now.missing(max(whole_to_m - now.pivot_m, KEEPS_M) if over else min(whole_to_m, seen_m) - now.pivot_m)
+    # On the approach a gap further away does not count: there a detector may miss a single nosing.
+    checked_to_m = min(whole_to_m, GAP_SEEN_M - now.step_m) if now.phase == "approach" else whole_to_m
+    gap = now.missing(checked_to_m - now.pivot_m)
     against = gap or ("the operator sent the chair back" if now.goes_back else None)
     if against is None and _shows_too_little(now, whole_to_m):
         against = "no more of the flight is in view than the chair needs to lie on, nor its end"
     # Beyond the edge the flipper cannot set the chair back on the landing any more.
-    bears = over and plumb(now.loading, now.stair.pitch_rad) > now.around.top.ahead_m
+    bears = now.phase == "edge" and plumb(now.loading, now.stair.pitch_rad) > now.around.top.ahead_m
     turned_back_for = crossing.turned_back_for or (against if against is not None and bears else "")
     return replace(crossing, gap=gap, turned_back_for=turned_back_for)
 
@@ -186,8 +185,8 @@ def presses(now: Situation) -> str | None:
 
 
 def lies_on_the_flight(now: Situation) -> str | None:
-    """The belts lie on the flight, and the tip has left the landing."""
-    is_there = not now.crossing.turned_back_for and _at(now, "ride", "foot", "past") is not None
+    """The belts lie on the flight; the tip is still over the landing or on it."""
+    is_there = not now.crossing.turned_back_for and now.around is not None and now.around.top.ahead_m > now.pivot_m + CLEARS_M
     return f"the belts lie on the flight, pitch {now.stair.pitch_rad / DEG:.1f}°" if is_there else None
 
 

@@ -38,8 +38,8 @@ BEFORE_M = 0.3
 """Distance before the reach of flipper or belts at which the follower takes over [m]: the time in which the flipper turns by 50°.
 A way ends half as far beyond an end."""
 CLEARS_M = 0.1
-"""Distance of the tip beyond the landing's edge from which the flipper rides on the way down; half of it before the front pulley
-reaches the edge the flipper reaches down on the way up [m]."""
+"""Distance beyond the landing's edge of the front pulley, from which the belts lie on the flight on the way down, and of the tip,
+from which the flipper rides; half of it before the front pulley reaches the edge the flipper reaches down on the way up [m]."""
 NEAR_M, SLOW_FROM_M = 1.2, 0.5
 """Distance of the nosings that concern a chair, and distance before an end at which it slows down [m]."""
 MOVED_M = 0.008

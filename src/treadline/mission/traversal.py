@@ -197,7 +197,6 @@ EXITS = (
     Exit("back_off", on.is_backed_off, "refused"),
     Exit("edge", over.lacks_a_step, "hold"),
     Exit("edge", over.is_not_let_down, "hold"),
-    Exit("edge", on.saw_no_floor, "hold"),
     Exit("edge", over.lies_on_the_flight, "descend"),
     Exit("climb", on.cannot_go_back, "hold", only="down", then=on.answered),
     Exit("climb", on.has_turned, "descend", only="down"),
