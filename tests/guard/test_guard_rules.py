@@ -264,18 +264,7 @@ CASES = [
     ),
     case("DropMonitor", drop, 99.0, 2.2, 6.6, "the ground ends 0.4", give_s=0.2, brakes=True, stays=True, begin=on_landing),
     case("SweptOutline", side, 0.44, 0.40, 0.1, "an edge or a wall", brakes=True, stays=True, begin=turning, limits=TURNS),
-    case(
-        "SweptOutline",
-        silence("ground"),
-        2.9,
-        EVER,
-        3.0,
-        "neither ground nor",
-        brakes=True,
-        give_s=0.12,
-        begin=between_sides,
-        limits=TURNS,
-    ),
+    case("SweptOutline", silence("ground"), 2.9, EVER, 3.0, "neither", brakes=True, give_s=0.12, begin=between_sides, limits=TURNS),
     case("DropMonitor", silence("ground"), 5.0, EVER, 6.7, "the ground 0.0", give_s=0.5, brakes=True, begin=on_landing),
 ]
 
