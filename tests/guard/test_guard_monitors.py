@@ -561,6 +561,23 @@ def test_an_obstacle_below_the_view_is_kept(travel_m: float, is_kept: bool) -> N
     assert (watch.cause(known(LENGTHS, speed_m_s=0.25, travel_m=travel_m)) is not None) == is_kept
 
 
+@pytest.mark.parametrize("view", ["front", "rear"])
+@pytest.mark.parametrize(("further_m", "stops"), [(0.0, False), (-0.1, False), (0.3, True), (None, True)])
+def test_in_a_turn_a_side_in_view_is_no_obstacle_and_what_stands_before_it_is(
+    view: Any, further_m: float | None, stops: bool
+) -> None:
+    """Test: something 0.3 m from the chair, before the turn and in it, and a slanting wall there, behind it, or none in view."""
+    way, place_m = {"front": (1.0, 1.3), "rear": (-1.0, 0.8)}[view]
+    config = replace(LENGTHS, view=view, turn_outline_m=(0.5, 0.5, 0.4))
+    watch, in_turn = AheadMonitor(config), known(config, plan=plan("turn"), speed_m_s=0.25 * way)
+    ends = () if further_m is None else ((place_m + further_m, -0.5, 0.0), (place_m + further_m + 0.4, 1.5, 0.0))
+    wall = tuple((way * x, y, z) for x, y, z in ends)
+    for now in (NOW, NOW, in_turn, in_turn):
+        watch.hear(FreeGround(t_s=0.0, view=view, blind_m=0.5, seen_m=1.0, sides_B=wall), now)
+        watch.hear(frame(0.0, obstacle_m=place_m), now)
+    assert (watch.cause(in_turn) is not None) == stops
+
+
 def test_a_side_of_one_landing_is_forgotten_on_the_next() -> None:
     """Test: a wall 0.3 m ahead in a turn, then a flight, then a turn without a side in view."""
     config, level = limits(turn_outline_m=(0.5, 0.5, 0.4)), tilted(0.0, 0.0)

@@ -13,9 +13,12 @@ from treadline.scenario.shipped_files import shipped_controller
 pytestmark = pytest.mark.usefixtures("without_shape_checks")
 
 
-@pytest.fixture(scope="module", params=["quarter-up", "quarter-down"])
+@pytest.fixture(scope="module", params=[("quarter-up", "statistical"), ("quarter-down", "rendered")], ids=" ".join)
 def ride(request: pytest.FixtureRequest) -> Traverse:
-    return traverse(read_scenario(request.param), controller=shipped_controller("wheelchair"), seed=1)
+    name, model = request.param
+    scenario = read_scenario(name)
+    scenario = scenario.model_copy(update={"sensors": scenario.sensors.model_copy(update={"model": model})})
+    return traverse(scenario, controller=shipped_controller("wheelchair"), seed=1)
 
 
 def test_the_chair_arrives_over_both_flights(ride: Traverse) -> None:

@@ -115,8 +115,6 @@ def test_check_says_which_landing_the_chair_needs() -> None:
     assert reason.startswith("the landing at step 5 is 1.20 m, this chair needs 1.")
     large = {"landing_depth_m": 2.2, "landing_width_m": 2.6}
     assert check_of({"steps": 6}, {"steps": 6, "turn_deg": 180.0} | large) == []
-    (reason,) = check_of({"steps": 6}, {"steps": 6, "turn_deg": 180.0} | large, camera="rendered")
-    assert "whose sides no rendered camera measures" in reason
 
 
 def test_from_the_flight_above_a_way_leads_back_to_the_one_below() -> None:

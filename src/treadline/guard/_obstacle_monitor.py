@@ -5,7 +5,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from treadline.core.signals import FrameQuality, StairMap
+from treadline.core.signals import FrameQuality, FreeGround, StairMap
 from treadline.core.step_sizes import GAP_SEEN_M
 from treadline.guard._guard_config import SAME_M, GuardConfig
 from treadline.guard._known import Known, Monitor
@@ -42,12 +42,12 @@ class AheadMonitor(Monitor):
     """An obstacle in a third of maps or frames, and no step that maps have shown; three nosings too far apart for the track.
 
     Time: in every phase, 0.34 m before an obstacle, 0.2 m before a gap, for messages up to 3 s late.
-    Not covered: what the camera does not see.
+    Not covered: what the camera does not see; in the state `turn`, walls, from which row 29 keeps the chair.
 
     A re-arm forgets nothing that lies ahead.
     """
 
-    rows, hears = "17, 25", (StairMap, FrameQuality)
+    rows, hears = "17, 25", (StairMap, FrameQuality, FreeGround)
 
     def __init__(self, config: GuardConfig) -> None:
         super().__init__(config)
@@ -55,23 +55,33 @@ class AheadMonitor(Monitor):
         self._in_maps, self._in_frames, self._gaps = Sightings(*OBSTACLE_COUNT), Sightings(*OBSTACLE_COUNT), Sightings(*GAP_COUNT)
         self._width_m = 0.0
         """Distance between the nosings at the gap that was seen last [m]."""
+        self._turns, self._side_m = False, math.inf
+        """Whether the chair turns on a landing, and the nearest place of a side there over the width of the chair."""
         self._steps_m = (math.inf, -math.inf)
         """Places of the first nosing that maps have shown of the flight, also of one passed since, and of the latest map's last."""
 
     def hear(self, message: Any, known: Known) -> None:
         """Update with one map, or with one frame that may be used."""
         travel_m = self._sign * known.travel.at(message.t_s)[0]
+        turns = known.followed is not None and known.followed.phase == "turn"
+        if turns != self._turns:  # places along the way before a turn are none after it
+            self._turns = turns
+            for seen in (self._in_maps, self._in_frames, self._gaps):
+                seen.forget(math.inf)
         match message:
-            case StairMap():
+            case FreeGround() if turns and self._config.turn_outline_m is not None:
+                self._side_m = travel_m + _nearest_m(message, self._sign, self._config.turn_outline_m[2])
+            case StairMap() if not turns:
                 _show(self._in_maps, message.obstacle_m, travel_m)
                 places = [(self._sign * x_m, z_m) for x_m, _, z_m in message.nosings_B]
                 self._look_at(places, travel_m, self._span_m(math.hypot(message.rise_m, message.run_m)))
             case FrameQuality() if not known.frames.refused:
-                # A step of the flight is no obstacle.
+                # A step of the flight is no obstacle, nor is a landing's side in a turn.
                 first_m, last_m = self._steps_m
                 obstacle_m = message.obstacle_m
-                is_step = obstacle_m is not None and first_m - SAME_M < travel_m + obstacle_m < last_m + SAME_M
-                _show(self._in_frames, None if is_step else obstacle_m, travel_m)
+                place_m = math.inf if obstacle_m is None else travel_m + obstacle_m
+                is_known = abs(place_m - self._side_m) < SAME_M if turns else first_m - SAME_M < place_m < last_m + SAME_M
+                _show(self._in_frames, None if is_known else obstacle_m, travel_m)
 
     def _span_m(self, pitch_m: float) -> float:
         """Return the distance within which three nosings of a flight must be, by its distance from nosing to nosing [m]."""
@@ -118,6 +128,18 @@ class AheadMonitor(Monitor):
         place_m = self._gaps.nearest_m()
         distance_m = math.inf if place_m is None else place_m - self._sign * travel_m - self._lead_m
         return distance_m if -self._config.track_span_m < distance_m < math.inf else None
+
+
+def _nearest_m(ground: FreeGround, sign: float, half_m: float) -> float:
+    """Return the distance from mid-track to the nearest side over the width of the chair [m]; infinite without one."""
+    ends = [(sign * x, y) for x, y, _ in ground.sides_B]
+    near_m = math.inf
+    for (x, y), (to_x, to_y) in zip(ends[::2], ends[1::2], strict=True):
+        along_m = to_y - y or 1e-9
+        low, high = sorted(min(max((aside_m - y) / along_m, 0.0), 1.0) for aside_m in (-half_m, half_m))
+        if low < high:
+            near_m = min(near_m, x + low * (to_x - x), x + high * (to_x - x))
+    return near_m
 
 
 def _show(sightings: Sightings, obstacle_m: float | None, travel_m: float) -> None:

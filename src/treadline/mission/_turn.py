@@ -155,7 +155,9 @@ def pose_on(now: Situation, landing: FlightPlan, width_m: float) -> Vector3:
     """Return the pose in which the chair has come onto the landing, by the nosing that it has left."""
     heading, half_m = 0.0 if now.estimate is None else now.estimate.heading_rad, 0.5 * width_m
     left_m, right_m = (bound_m(now, side) for side in SIDES)
-    aside_m = half_m - left_m if left_m is not None else right_m - half_m if right_m is not None else 0.0
+    asides_m = (None if left_m is None else half_m - left_m, None if right_m is None else right_m - half_m)
+    # The landing may be wider than the flight: a bound of its own would put the chair aside of the flight that it has left.
+    aside_m = min((place_m for place_m in asides_m if place_m is not None), key=abs, default=0.0)
     if now.is_up:
         return np.array([-(now.stair.top_ahead_m() or 0.0), aside_m, heading])
     place = rotation_z(landing.turn_rad)[:2, :2] @ (-(now.stair.bottom_ahead_m() or 0.0), aside_m)

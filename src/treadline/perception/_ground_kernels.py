@@ -33,21 +33,23 @@ def scan(depth, step, pinhole, view, start, half, clear, limits, seen, standing)
         standing: Pixels of what is in the way, and their least distance, by cells along the way.
 
     Returns:
-        For each column with ground: lateral position, last distance with ground and first one without, -1 if no end is seen, and
-        depth of what is seen below that end, NaN if nothing is [m].
+        For each column with ground: lateral position, last distance with ground and first one without, -1 if no end is seen, depth
+        of what is seen below that end, NaN if nothing is; distance and lateral position of what rises there by more than the least
+        height of what is in the way, NaN if nothing does [m].
     """
     fx, fy, cx, cy = pinhole
     axes, origin, belts = view
     slope, drop, bridge, cell = limits
     rows, columns = depth.shape
     furthest, per_m = len(seen) * cell, 0.5 * seen.shape[1] / half
-    ends, count = np.empty((columns // step + 1, 4)), 0
+    ends, count = np.empty((columns // step + 1, 6)), 0
     for u in range(0, columns, step):
         x, is_open = (u - cx) / fx, True
         base, height = start
         lowest = height
         known, through, place = -1.0, -1.0, 0.0
         below, lower = 0, 0.0
+        foot, foot_left, rises = np.nan, np.nan, False
         for v in range(rows - 1, -1, -1):
             z = depth[v, u]
             if not 0.0 < z < 1e3:
@@ -78,6 +80,9 @@ def scan(depth, step, pinhole, view, start, half, clear, limits, seen, standing)
                     known = far
                     if within:
                         seen[int(far / cell), int((left + half) * per_m)] += 1
+                    if np.isnan(foot):
+                        foot, foot_left = far, left
+                    rises = rises or above > clear[0]
                 continue
             meets = (height - origin[2]) / up if up < 0.0 else np.inf
             crossing, crossing_left = origin[0] + meets * ahead, origin[1] + meets * aside
@@ -88,6 +93,7 @@ def scan(depth, step, pinhole, view, start, half, clear, limits, seen, standing)
                 continue
             if not is_low:
                 known, through, place = max(known, far), -1.0, left
+                foot, rises = np.nan, False
                 if within:
                     seen[int(far / cell), int((left + half) * per_m)] += 1
                 if far > base:
@@ -100,6 +106,6 @@ def scan(depth, step, pinhole, view, start, half, clear, limits, seen, standing)
                     through, place = crossing, crossing_left
         if known >= 0.0:
             beneath = -lower / (below - EDGE_PX) if below > EDGE_PX else np.nan
-            ends[count] = place, known, through, beneath
+            ends[count] = place, known, through, beneath, foot if rises else np.nan, foot_left
             count += 1
     return ends[:count].copy()

@@ -48,6 +48,8 @@ HALF_WINDOW = 4.5 / 640.0
 LEVEL, LEVEL_SIZE_M = math.cos(20.0 * DEG), (0.55, 1.0)
 """Cosine of the largest angle between a level patch's normal and up, as noise tilts it at 2 m by 10°; least length and width of a
 level [m]: a tread is level too, and at most 0.52 m long, a suitcase's lid is narrower."""
+SIDE_COLUMNS, SIDE_M = 8, 0.4
+"""Least number of columns, and least length, of a side of the ground [m]: half of the narrowest chair."""
 POINTS = 40
 """Least number of patches of a level, and of points of an obstacle, of an image of 240 rows: a cube of ``CLEAR_M`` at 3 m."""
 
@@ -104,7 +106,9 @@ def ground_ahead(frame: RgbdFrame, gravity_C: Vector3, swept_half_m: float = SWE
         standing,
     )
     blind_m = min(blind_distance_m(camera, axes, origin, swept_half_m), RANGE_M)
-    free = _ended(replace(ground, blind_m=blind_m, seen_m=_reached(seen, blind_m)), ends, camera, origin, swept_half_m)
+    sides = tuple((way * x, way * y, 0.0) for x, y in _sides(ends).tolist()) if is_level else ()
+    free = replace(ground, blind_m=blind_m, seen_m=_reached(seen, blind_m), sides_B=sides)
+    free = _ended(free, ends, camera, origin, swept_half_m)
     return GroundProfile(free=free, obstacle_m=_obstacle_m(standing, camera.height_px))
 
 
@@ -154,7 +158,32 @@ def _reached(seen: Int[np.ndarray, "n k"], blind_m: float) -> float:
     return float(reached_m.min())
 
 
-def _ended(ground: FreeGround, ends: Float[np.ndarray, "n 4"], camera: PinholeCamera, origin: Vector3, half_m: float) -> FreeGround:
+def _sides(ends: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "k 2"]:
+    """Return the ends of the straight sides of the ground, edges and walls, two rows a side: distance ahead and to the left [m].
+
+    The columns in their order are the outline of the ground. It is split where it leaps, and where it is furthest from its chord.
+    """
+    drops = ends[:, 2] >= 0.0
+    outline = np.where(drops[:, None], ends[:, [2, 0]], ends[:, 4:])
+    outline = outline[np.isfinite(outline).all(axis=1) & (np.hypot(*outline.T) < RANGE_M)]
+    found, parts = [], np.split(outline, 1 + np.flatnonzero(np.hypot(*np.diff(outline, axis=0).T) > BRIDGE_M))
+    while parts:
+        part = parts.pop()
+        if len(part) < SIDE_COLUMNS or math.dist(part[0], part[-1]) < SIDE_M:
+            continue
+        along = (part[-1] - part[0]) / math.dist(part[0], part[-1])
+        off_m = np.abs((part - part[0]) @ (-along[1], along[0]))
+        furthest = int(np.argmax(off_m))
+        if off_m[furthest] > CELL_M:
+            parts += [part[:furthest], part[furthest:]]
+            continue
+        middle = part.mean(axis=0)
+        normal = np.linalg.svd(part - middle, full_matrices=False)[2][1]
+        found += [end - ((end - middle) @ normal) * normal for end in (part[0], part[-1])]
+    return np.array(found).reshape(-1, 2)
+
+
+def _ended(ground: FreeGround, ends: Float[np.ndarray, "n 6"], camera: PinholeCamera, origin: Vector3, half_m: float) -> FreeGround:
     """Return the ground, up to the range or its end.
 
     Strips in which most columns show an end give the line of the edge. Strips whose ground ends on this line belong to the edge as

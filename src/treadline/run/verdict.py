@@ -403,8 +403,6 @@ def _landings(scenario: Scenario, chair: ChairDescription) -> str | None:
         if not len(way_over(plan, staircase.width_m, outline, off_m=off_m)):
             needed_m = 0.01 * math.ceil(100.0 * least_landing_m(plan, staircase.width_m, outline, off_m))
             return f"{where} is {own_m:.2f} m, this chair needs {needed_m:.2f} m to turn {by}; take another way"
-        if scenario.sensors.camera_model != "statistical":
-            return f"the stair turns {by} on {where}, whose sides no rendered camera measures; sensors.model = 'statistical' does"
     return None
 
 
