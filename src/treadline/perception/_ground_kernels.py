@@ -33,9 +33,9 @@ def scan(depth, step, pinhole, view, start, half, clear, limits, seen, standing)
         standing: Pixels of what is in the way, and their least distance, by cells along the way.
 
     Returns:
-        For each column with ground: lateral position, last distance with ground and first one without, -1 if no end is seen, depth
-        of what is seen below that end, NaN if nothing is; distance and lateral position of what rises there by more than the least
-        height of what is in the way, NaN if nothing does [m].
+        For each column with ground, or with what rises: lateral position, last distance with ground, -1 without any, and first one
+        without, -1 if no end is seen, depth of what is seen below that end, NaN if nothing is; distance and lateral position of
+        what rises there by more than the least height of what is in the way, NaN if nothing does [m].
     """
     fx, fy, cx, cy = pinhole
     axes, origin, belts = view
@@ -76,10 +76,12 @@ def scan(depth, step, pinhole, view, start, half, clear, limits, seen, standing)
                 continue
             if above > 0.5 * drop + slack:
                 # What rises from the ground bears as well; what stands in front of it does not touch it in this column.
-                if known >= 0.0 and known - cell < far < min(known + bridge, furthest):
+                touches = known >= 0.0 and known - cell < far < min(known + bridge, furthest)
+                if touches:
                     known = far
                     if within:
                         seen[int(far / cell), int((left + half) * per_m)] += 1
+                if touches or (known < 0.0 and 0.0 < far < furthest):  # the foot of a near wall is below the image
                     if np.isnan(foot):
                         foot, foot_left = far, left
                     rises = rises or above > clear[0]
@@ -104,7 +106,7 @@ def scan(depth, step, pinhole, view, start, half, clear, limits, seen, standing)
                     seen[int(crossing / cell), int((crossing_left + half) * per_m)] -= 1
                 if known >= 0.0 and through < 0.0:
                     through, place = crossing, crossing_left
-        if known >= 0.0:
+        if known >= 0.0 or rises:
             beneath = -lower / (below - EDGE_PX) if below > EDGE_PX else np.nan
             ends[count] = place, known, through, beneath, foot if rises else np.nan, foot_left
             count += 1

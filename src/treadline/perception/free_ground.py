@@ -108,7 +108,7 @@ def ground_ahead(frame: RgbdFrame, gravity_C: Vector3, swept_half_m: float = SWE
     blind_m = min(blind_distance_m(camera, axes, origin, swept_half_m), RANGE_M)
     sides = tuple((way * x, way * y, 0.0) for x, y in _sides(ends).tolist()) if is_level else ()
     free = replace(ground, blind_m=blind_m, seen_m=_reached(seen, blind_m), sides_B=sides)
-    free = _ended(free, ends, camera, origin, swept_half_m)
+    free = _ended(free, ends[ends[:, 1] >= 0.0], camera, origin, swept_half_m)
     return GroundProfile(free=free, obstacle_m=_obstacle_m(standing, camera.height_px))
 
 
