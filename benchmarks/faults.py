@@ -330,7 +330,7 @@ class Disturbed(NamedTuple):
         """Yield where the belts are commanded although they must not be any more: after a HOLD, and after an operator's stop."""
         parts = list(self.case.parts(self.at_s))
         late_s = sum(one.value for one, _ in parts if one.kind == "late_tick")
-        due = [(f"the {one.kind}", at_s + one.held_s + late_s) for one, at_s in parts if one.row == "21"]
+        due = [(f"the {one.kind}", at_s + one.held_s + RAMP_S + late_s) for one, at_s in parts if one.row == "21"]
         for what, due_s in [*due, ("the hold", seen.hold_s + RAMP_S)]:
             if driven_s and driven_s[-1] > due_s + 1e-6:
                 yield f"belts driven at {driven_s[-1]:.2f} s, {driven_s[-1] - due_s:.2f} s too long after {what}"
