@@ -149,7 +149,7 @@ print(json.dumps([code, [name for name in sys.modules if name.split(".")[0] == "
         ("identify record.csv --method okid-era --no-page --out model.json", 7270, ()),
         ("identify record.csv --method okid-era --out paged.json", 7600, IDENTIFICATION_PAGE),
         ("tune model.json --out controller.json", 2320, ()),
-        ("check paper-28", 16150, PLANNERS),
+        ("check paper-28", 16180, PLANNERS),
     ],
     ids=lambda value: str(value).split(" --")[0],
 )

@@ -121,7 +121,7 @@ class GuardConfig:
     mismatch_s: float = 0.2
     """Duration of a deviation of a belt after which it is a fault [s]: longer than the drives' lag of 0.15 s."""
     slip_turn_rad: float = 0.25 * DEG
-    """Change of heading in ``lasting_s`` above which slip is not judged [rad]: all tracks skid in a turn."""
+    """Change of heading in ``lasting_s`` above which the chair turns [rad]: what it skids by then is no slip."""
     roll_back_m: float = 0.25
     """Largest roll-back by the nosings, turning or not [m]; the chair then stops within 0.30 m."""
 

@@ -26,9 +26,10 @@ class SlipMonitor(Monitor):
     Not covered: slip while no nosing is in view.
 
     Each nosing is matched with the nearest expected one. A chair whose belts differ travels as far as one of them or anything
-    between: only what lies outside is slip. A chair that turns on nosings skids. Slip is therefore judged only while the chair is
-    square and does not turn, roll-back always. When the nosings go out of view, the slip measurement starts again and the roll-back
-    is kept: unobserved forward travel does not reduce it, and unobserved sliding counts as far as the nosings can still be matched.
+    between: only what lies outside is slip. A chair that turns on nosings skids, by at most a gauge for each radian, which is no
+    slip either. Slip is judged only while the chair is square, roll-back always. When the nosings go out of view, the slip
+    measurement starts again and the roll-back is kept: unobserved forward travel does not reduce it, and unobserved sliding counts
+    as far as the nosings can still be matched.
 
     A decreasing slip distance belongs to a chair that catches up with its belts, for example after a turn. Each decrease below
     ``FALLING`` restarts the wait, at most four times between a standing chair with belts at 0.2 m/s and the smallest slip. The
@@ -142,9 +143,11 @@ class SlipMonitor(Monitor):
         then_s, travel_m, roll_back_m, _ = self._window[0]
         driven, slid = abs(self._travel_m - travel_m), abs(self._roll_back_m - roll_back_m)
         headings = [heading for *_, heading in self._window]
+        turned_rad = max(headings) - min(headings)
+        if turned_rad > limits.slip_turn_rad:  # a chair that turns about a point up to a gauge aside skids by as much
+            slid = max(slid - limits.gauge_m * turned_rad, 0.0)
         square = max(abs(heading) for heading in headings) <= limits.square_rad
-        straight = square and max(headings) - min(headings) <= limits.slip_turn_rad
-        judged = straight and t_s - then_s >= window_s and driven >= DRIVEN_LEAST_M
+        judged = square and t_s - then_s >= window_s and driven >= DRIVEN_LEAST_M
         self.slip = slip_ratio(slid, driven) if judged and slid > max(limits.normal_slip * driven, SLID_LEAST_M) else 0.0
         if self.slip == 0.0:
             self._since_s = None
