@@ -578,9 +578,11 @@ def test_in_a_turn_a_side_in_view_is_no_obstacle_and_what_stands_before_it_is(
     config = replace(LENGTHS, view=view, turn_outline_m=(0.5, 0.5, 0.4))
     watch, in_turn = AheadMonitor(config), known(config, plan=plan("turn"), speed_m_s=0.25 * way)
     ends = () if further_m is None else ((place_m + further_m, -0.5, 0.0), (place_m + further_m + 0.4, 1.5, 0.0))
-    wall = tuple((way * x, y, z) for x, y, z in ends)
+    aside = ((0.2, 1.0, 0.0), (0.9, 1.0, 0.0))
+    wall = tuple((way * x, y, z) for x, y, z in (*ends, *aside))
     for now in (NOW, NOW, in_turn, in_turn):
         watch.hear(FreeGround(t_s=0.0, view=view, blind_m=0.5, seen_m=1.0, sides_B=wall), now)
+        watch.hear(stair(0.0, [], obstacle_m=place_m), now)  # of a flight, which is not ahead in a turn
         watch.hear(frame(0.0, obstacle_m=place_m), now)
     assert (watch.cause(in_turn) is not None) == stops
 
