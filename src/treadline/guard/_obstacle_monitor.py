@@ -65,7 +65,7 @@ class AheadMonitor(Monitor):
         travel_m = self._sign * known.travel.at(message.t_s)[0]
         turns = known.followed is not None and known.followed.phase == "turn"
         if turns != self._turns:  # places along the way before a turn are none after it
-            self._turns = turns
+            self._turns, self._side_m = turns, math.inf
             for seen in (self._in_maps, self._in_frames, self._gaps):
                 seen.forget(math.inf)
         match message:
