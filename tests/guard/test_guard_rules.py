@@ -19,7 +19,7 @@ from treadline.guard._rules import RULES
 
 FRONT_M, PULLEY_M = 0.995, 0.475
 """Reach of the shipped chair from mid-track, and place of its pulleys."""
-TURNS = {"turn_outline_m": (0.545, 0.77, 0.375)}
+OUTLINE_M = (0.545, 0.77, 0.375)
 """Outline of the shipped chair with its flipper folded: rear, front and half width."""
 BEGAN_TICKS = 201
 """Ticks of sound drive before a fault: the last frame, of 2.00 s, has just come."""
@@ -206,7 +206,7 @@ CASES = [
         0.73,
         EVER,
         0.75,
-        "process control silent",
+        "process control silent for 0.7",
         brakes=True,
         begin=beats,
         limits={"processes": ("control",)},
@@ -237,7 +237,14 @@ CASES = [
     case("BothSenses", silence("imu", "camera"), 0.28, EVER, 0.3, "no IMU sample for 0.3", brakes=True, slows=SLOW_IMU),
     case("Senses", silence("camera"), 2.88, EVER, 3.0, "no frame for 3.0 s", slows=SLOW_CAMERA),
     case(
-        "Senses", recorded, 1.5, EVER, 1.67, "no frame for 1.7 s, 0.50 m driven since", slows="no", limits={"watches_motion": False}
+        "Senses",
+        recorded,
+        1.5,
+        EVER,
+        1.67,
+        "no frame for 1.7 s, 0.50 m driven since",
+        slows="no frame",
+        limits={"watches_motion": False},
     ),
     case(
         "Senses", value("camera", "fingerprint"), None, 7, 3.1, "no frame for 3.0 s: the last is frozen", give_s=0.1, slows="no fr"
@@ -263,8 +270,30 @@ CASES = [
         "AheadMonitor", gap, 0.25, 0.3, 9.0, "0.98 m from nosing", give_s=2.5, brakes=True, stays=True, slows="0.98 m from nosing"
     ),
     case("DropMonitor", drop, 99.0, 2.2, 6.6, "the ground ends 0.4", give_s=0.2, brakes=True, stays=True, begin=on_landing),
-    case("SweptOutline", side, 0.44, 0.40, 0.1, "an edge or a wall", brakes=True, stays=True, begin=turning, limits=TURNS),
-    case("SweptOutline", silence("ground"), 2.9, EVER, 3.0, "neither", brakes=True, give_s=0.12, begin=between_sides, limits=TURNS),
+    case(
+        "SweptOutline",
+        side,
+        0.44,
+        0.40,
+        0.1,
+        "an edge or a wall comes within 0.05 m",
+        brakes=True,
+        stays=True,
+        begin=turning,
+        limits={"turn_outline_m": OUTLINE_M},
+    ),
+    case(
+        "SweptOutline",
+        silence("ground"),
+        2.9,
+        EVER,
+        3.0,
+        "neither ground nor a side of the landing in view for 3.0",
+        brakes=True,
+        give_s=0.12,
+        begin=between_sides,
+        limits={"turn_outline_m": OUTLINE_M},
+    ),
     case("DropMonitor", silence("ground"), 5.0, EVER, 6.7, "the ground 0.0", give_s=0.5, brakes=True, begin=on_landing),
 ]
 
@@ -294,7 +323,9 @@ def test_every_rule_has_a_case() -> None:
 
 
 def test_a_rule_applies_where_its_limits_are_set_and_is_watched_where_blocks_send_what_it_needs() -> None:
-    config = limits(has_planner=True, battery_least_v=22.0, awaits_ground=True, awaits_map=True, awaits_health=True, **TURNS)
+    config = limits(
+        has_planner=True, battery_least_v=22.0, turn_outline_m=OUTLINE_M, awaits_ground=True, awaits_map=True, awaits_health=True
+    )
     for rule in RULES:
         assert rule.is_watched(config), rule
         for name in rule.needs:

@@ -10,6 +10,7 @@ from treadline.core.step_sizes import GAP_SEEN_M
 from treadline.guard._guard_config import SAME_M, GuardConfig
 from treadline.guard._known import Known, Monitor
 from treadline.guard._sightings import Sightings
+from treadline.guard._swept_outline import clipped
 
 OBSTACLE_COUNT, GAP_COUNT = (3, 4, 12), (1, 5, 10)
 """Gain, least and largest count (``Sightings``) of an obstacle and of a gap. An obstacle in every third frame is there, one in a
@@ -134,11 +135,10 @@ def _nearest_m(ground: FreeGround, sign: float, half_m: float) -> float:
     """Return the distance from mid-track to the nearest side over the width of the chair [m]; infinite without one."""
     ends = [(sign * x, y) for x, y, _ in ground.sides_B]
     near_m = math.inf
-    for (x, y), (to_x, to_y) in zip(ends[::2], ends[1::2], strict=True):
-        along_m = to_y - y or 1e-9
-        low, high = sorted(min(max((aside_m - y) / along_m, 0.0), 1.0) for aside_m in (-half_m, half_m))
-        if low < high:
-            near_m = min(near_m, x + low * (to_x - x), x + high * (to_x - x))
+    for start, end in zip(ends[::2], ends[1::2], strict=True):
+        shares = clipped((start, end), (-math.inf, math.inf), (-half_m, half_m))
+        if shares[0] < shares[1]:
+            near_m = min(near_m, *(start[0] + share * (end[0] - start[0]) for share in shares))
     return near_m
 
 

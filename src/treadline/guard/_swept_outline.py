@@ -75,7 +75,8 @@ class SweptOutline(Monitor):
         rear_m, front_m, half_m = (length_m + self._config.turn_clear_m for length_m in outline)
         for side in self._sides:
             ends = (_seen_from(side[0], self._pose), _seen_from(side[1], self._pose))
-            if _cuts(ends, (-rear_m, front_m), (-half_m, half_m)):
+            low, high = clipped(ends, (-rear_m, front_m), (-half_m, half_m))
+            if low < high:
                 return f"an edge or a wall comes within {self._config.turn_clear_m:.2f} m of the chair that turns"
         return None
 
@@ -101,15 +102,18 @@ def _is_same(one: tuple[Place, Place], other: tuple[Place, Place]) -> bool:
     return abs(turned_rad) < SAME_RAD and abs(middle[1] * math.cos(along_rad) - middle[0] * math.sin(along_rad)) < SAME_M
 
 
-def _cuts(ends: tuple[Place, Place], *bounds: tuple[float, float]) -> bool:
-    """Return whether a line from end to end cuts a rectangle (Liang and Barsky, 1984)."""
+def clipped(ends: tuple[Place, Place], *bounds: tuple[float, float]) -> tuple[float, float]:
+    """Return the part of a line from end to end within a rectangle, as shares of its length (Liang and Barsky, 1984).
+
+    The first share is less than the second where there is such a part.
+    """
     low, high = 0.0, 1.0
     for axis, (least, most) in enumerate(bounds):
         start, along = ends[0][axis], ends[1][axis] - ends[0][axis]
         if abs(along) < 1e-9:
             if not least < start < most:
-                return False
+                return 1.0, 0.0
             continue
         first, last = sorted(((least - start) / along, (most - start) / along))
         low, high = max(low, first), min(high, last)
-    return low < high
+    return low, high

@@ -48,8 +48,9 @@ HALF_WINDOW = 4.5 / 640.0
 LEVEL, LEVEL_SIZE_M = math.cos(20.0 * DEG), (0.55, 1.0)
 """Cosine of the largest angle between a level patch's normal and up, as noise tilts it at 2 m by 10°; least length and width of a
 level [m]: a tread is level too, and at most 0.52 m long, a suitcase's lid is narrower."""
-SIDE_COLUMNS, SIDE_M = 8, 0.4
-"""Least number of columns, and least length, of a side of the ground [m]: half of the narrowest chair."""
+SIDE_COLUMNS = 8
+"""Least number of columns of a side of the ground, which is at least ``SWEPT_HALF_M`` long: 4 and 16 find the same sides
+(docs/evidence/building-stairs.md)."""
 POINTS = 40
 """Least number of patches of a level, and of points of an obstacle, of an image of 240 rows: a cube of ``CLEAR_M`` at 3 m."""
 
@@ -169,7 +170,7 @@ def _sides(ends: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "k 2"]:
     found, parts = [], np.split(outline, 1 + np.flatnonzero(np.hypot(*np.diff(outline, axis=0).T) > BRIDGE_M))
     while parts:
         part = parts.pop()
-        if len(part) < SIDE_COLUMNS or math.dist(part[0], part[-1]) < SIDE_M:
+        if len(part) < SIDE_COLUMNS or math.dist(part[0], part[-1]) < SWEPT_HALF_M:
             continue
         along = (part[-1] - part[0]) / math.dist(part[0], part[-1])
         off_m = np.abs((part - part[0]) @ (-along[1], along[0]))
