@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from jaxtyping import Complex, Float
+from jaxtyping import Float
 from systems import fit, system, white_record
 
 from treadline.identification._affine import Affine, stabilised
@@ -17,10 +17,6 @@ def random_matrix(seed: int, order: int, radius: float) -> Float[np.ndarray, "n 
 def affine(A: Float[np.ndarray, "n n"]) -> Affine:
     n = len(A)
     return Affine(A=A, B=np.eye(n), C=np.eye(n), D=np.zeros((n, n)))
-
-
-def sorted_poles(A: Float[np.ndarray, "n n"]) -> Complex[np.ndarray, " n"]:
-    return np.sort_complex(np.linalg.eigvals(A))
 
 
 @pytest.mark.parametrize("seed", range(8))

@@ -28,9 +28,8 @@ def test_the_area_of_a_turned_box_is_the_sum_of_its_visible_faces() -> None:
     size, R = (0.2, 0.3, 0.5), rotation_z(0.4) @ rotation_x(0.7)
     (shape,) = _of(box((0.0, 0.0, 0.0), size).moved((0.0, 0.0, 0.0), R))
     faces = np.array([size[1] * size[2], size[0] * size[2], size[0] * size[1]])
-    assert max(map(area_m2, shape.loops)) == pytest.approx(
-        float(faces @ np.abs(R[1])), rel=1e-5
-    )  # vertices are kept in single precision
+    # Vertices are kept in single precision.
+    assert max(map(area_m2, shape.loops)) == pytest.approx(float(faces @ np.abs(R[1])), rel=1e-5)
 
 
 def test_a_ring_has_an_outer_line_and_a_hole_that_runs_the_other_way() -> None:

@@ -2,6 +2,7 @@
 
 import math
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -51,10 +52,7 @@ def _components(part: MeshPart) -> list[MeshPart]:
             break
         root = after
     labels = root[part.faces[:, 0]]
-    return [
-        MeshPart(name=part.name, body=part.body, vertices_m=part.vertices_m, faces=part.faces[labels == label], colour=part.colour)
-        for label in np.unique(labels)
-    ]
+    return [replace(part, faces=part.faces[labels == label]) for label in np.unique(labels)]
 
 
 def _assert_closed_and_outward(part: MeshPart) -> None:

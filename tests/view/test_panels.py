@@ -21,7 +21,7 @@ from treadline.view._plots import LIVE_PLOTS, plot_data, shown_plots, way_lines
 from treadline.view._session import Fork, Session
 
 from ..report.conftest import Transcript  # noqa: TID252 - pytest names the folders; outside of it they are no package
-from .conftest import END_S, LIMITS, a_run, session_of
+from .conftest import END_S, LIMITS, FakeWorker, a_run, session_of
 
 HEADING, PITCH_RATE, _, SLIP, *_ = LIVE_PLOTS
 EMPTY = Recording.of_curves(np.empty(0), read_chair("wheelchair"), scenario=Scenario())
@@ -141,6 +141,13 @@ def without_truth() -> Session:
     return session
 
 
+def with_forces(session: Session, **workers: Any) -> Session:
+    """Return a session in which a person has asked for contact forces."""
+    session.shows["contacts"] = True
+    session.feed.workers |= workers
+    return session
+
+
 UNSEEN = Moment(t_s=0.0, name="no stair perceived", cause="9 frames, none with a stair", kind="perception", end_s=5.0)
 SILENT = Moment(t_s=2.0, name="no camera frame", cause="from 2.00 s to 3.00 s", kind="perception", end_s=3.0)
 STATES = {
@@ -160,6 +167,9 @@ STATES = {
     "frames without a stair, which are no silence": lambda: silent_since(1.44, UNSEEN),
     "a silent camera, in a log of moments": lambda: silent_since(2.44, UNSEEN, SILENT),
     "nosings of a stair that nobody knows": without_truth,
+    "contact forces, which a repetition will compute": lambda: with_forces(session_of(a_run())),
+    "contact forces, which a repetition computes": lambda: with_forces(session_of(a_run()), repeat=FakeWorker()),
+    "contact forces of a log": lambda: with_forces(replace(session_of(a_run()), can_repeat=False)),
 }
 GOLDEN = Transcript(Path(__file__).with_name("panels.txt"))
 """Panels as text; ``TREADLINE_ACCEPT=1 pytest tests/view/test_panels.py`` writes them anew."""

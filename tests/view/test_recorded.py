@@ -42,11 +42,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def image_order(folder: Path) -> ImageOrder:
-    chair = read_chair("wheelchair")
-    return ImageOrder(log=str(folder / LOG), camera=chair.camera_at(240), swept_half_m=chair.swept_half_m, latency_s=0.0)
-
-
 @pytest.fixture(scope="module")
 def live() -> Feed:
     feed = Feed.live(Order(scenario=SHORT, seed=3, speed=0.0), read_chair("wheelchair"))
@@ -57,7 +52,9 @@ def live() -> Feed:
 @pytest.fixture(scope="module")
 def frames(folder: Path) -> list[ShownFrame]:
     """Frames of the log with what the detector finds in them."""
-    return list(frames_of(image_order(folder)))
+    chair = read_chair("wheelchair")
+    order = ImageOrder(log=str(folder / LOG), camera=chair.camera_at(240), swept_half_m=chair.swept_half_m, latency_s=0.0)
+    return list(frames_of(order))
 
 
 def test_a_live_run_is_the_recording_of_its_log(folder: Path, live: Feed) -> None:
