@@ -28,13 +28,9 @@ def _checker() -> ModuleType:
 language = _checker()
 
 
-def _files(folder: str) -> list[Path]:
-    return sorted(PACKAGE.glob("*.py")) if folder == "." else language.files_of(PACKAGE / folder)
-
-
 @pytest.mark.parametrize("folder", FOLDERS)
 def test_a_folder_reads_in_field_terms(folder: str) -> None:
-    found = language.findings(_files(folder))
+    found = language.findings(sorted(PACKAGE.glob("*.py")) if folder == "." else language.files_of(PACKAGE / folder))
     assert not found, "\n".join(str(finding) for finding in found)
 
 

@@ -227,13 +227,8 @@ def comparison() -> NosingComparison:
     return found
 
 
-def pose_on_the_flight() -> tuple[np.ndarray, np.ndarray]:
-    """Return attitude and position of a chair whose camera has nosings 5 to 8 in its image."""
-    return rotation_y(-SLOPE_RAD), np.array([0.5, 0.0, 0.28])
-
-
 def test_perceived_nosings_are_found_and_a_left_out_one_is_missed() -> None:
-    R_WB, p_WB = pose_on_the_flight()
+    R_WB, p_WB = rotation_y(-SLOPE_RAD), np.array([0.5, 0.0, 0.28])  # with nosings 5 to 8 in its camera's image
     all_B = (as_designed(SCENARIO.stair).nosings_W - p_WB) @ R_WB
     found, missed = comparison().compare(all_B[4:8], R_WB, p_WB)
     assert (found, missed) == ((5, 6, 7, 8), ())

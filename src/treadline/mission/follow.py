@@ -70,6 +70,7 @@ IDLE_RAD, IDLE_S = 12.0 * DEG, 3.0
 is forgotten [s]."""
 WAITS = f"nothing carried the flipper in {PATIENCE_S:.0f} s: its motor is dead, or the landing is not there"
 SLIPS = f"the chair stayed for {PATIENCE_S:.0f} s while the belts ran: they slip on the last nosing"
+STALLS = f"the chair stayed for {PATIENCE_S:.0f} s while its flipper pressed on the ground: its motor is too weak for this load"
 TICK_MAX_S = 10.0 * TICK_S
 """Longest time step [s]; a longer pause does not count as waiting for belts or flipper."""
 
@@ -208,8 +209,9 @@ class Follower:
         """Angle by which the flipper lags behind its commands, and its last angle [rad]."""
         self._watched: tuple[WayTable | None, float] = (None, math.inf)
         """Table, and least cost to go on it [s]."""
-        self._has_carried = False
-        """Whether the tip has carried since the chair last came further."""
+        self._has_carried, self._ran_m, self._stayed_m = False, 0.0, 0.0
+        """Since the chair last came further: whether the tip has carried, way of the belts, infinite once the chair was behind its
+        place, and by how much the tip stayed behind its commands [m]."""
 
     def turn_back(self) -> None:
         """Go back to where the chair came from."""
@@ -231,6 +233,7 @@ class Follower:
             self._rate.stop()
         place = self._place(terrain)
         self._plan(terrain, place, flipper, imu, tick_s)
+        self._ran_m += 0.5 * abs(tracks.left_m_s + tracks.right_m_s) * dt_s
         state, speed, rate = self._follow(terrain, place, flipper, imu.pitch_rad, dt_s)
         return FollowCommand(
             place=place,
@@ -363,6 +366,7 @@ class Follower:
         # Belts that slip up leave the chair behind its place by the tracker: it has not tipped as far as it would have there.
         is_behind = place == "top" and self._sign > 0.0 and pitch - at.pitch_rad > 2.0 * AGREES_RAD
         self._elsewhere_s = self._elsewhere_s + dt_s if is_behind else 0.0
+        self._ran_m = math.inf if is_behind else self._ran_m
         stands = self._elsewhere_s > LOOK_S
         self._watch(table, at, flipper, 0.0 if stands else rate, dt_s, bears=pose is not None and pose.torques_n_m[0] > 0.0)
         return (at, 0.0, 0.0) if self._barred or stands else (at, speed, rate)
@@ -439,16 +443,7 @@ class Follower:
 
     # --- monitors
 
-    def _watch(
-        self,
-        table: WayTable,
-        at: WayState,
-        flipper: FlipperReading,
-        rate: float,
-        dt_s: float,
-        *,
-        bears: bool,
-    ) -> None:
+    def _watch(self, table: WayTable, at: WayState, flipper: FlipperReading, rate: float, dt_s: float, *, bears: bool) -> None:
         """Note a flipper that does not rise, or not follow in the air, and a chair that does not come further along its way."""
         turned = 0.0 if math.isnan(self._angle_rad) else flipper.angle_rad - self._angle_rad
         self._angle_rad = flipper.angle_rad
@@ -461,9 +456,13 @@ class Follower:
         watched, least_s = self._watched
         if watched is not table or at.to_go_s < least_s - 1.0:
             self._watched = table, at.to_go_s
-            self._waited_s, self._has_carried = (self._waited_s, self._has_carried) if watched is not table else (0.0, False)
+            if watched is table:
+                self._waited_s = self._ran_m = self._stayed_m = 0.0
+                self._has_carried = False
         self._has_carried |= not self._tip.is_unloaded
-        self._wait(dt_s, SLIPS if self._has_carried or self._elsewhere_s else WAITS)
+        self._stayed_m += self._length_m * (rate * dt_s - turned)
+        carried = STALLS if self._ran_m < abs(self._stayed_m) else SLIPS
+        self._wait(dt_s, carried if self._has_carried or self._ran_m == math.inf else WAITS)
 
     def _wait(self, dt_s: float, cause: str) -> None:
         """Note a chair that does not come further for a cause."""
