@@ -171,7 +171,7 @@ UP: dict[str, Case] = {
     "turned back before the crest": Case("refused", "goes back down", after("crest", slip=0.3), SHORT),
     "nothing under the flipper as it begins to climb": Case("climb", "nothing carried the flipper", after("climb", slip=1.0)),
     "flipper stuck on the landing": Case("land", "flipper stands at", after("land", flipper_moves=False), SHORT),
-    "stuck over the crest": Case("crest", "send the chair back down, or have the steps dried", stuck_over_the_crest, SHORT),
+    "stuck over the crest": Case("crest", "not rise; send the chair back down, or re-arm it", stuck_over_the_crest, SHORT),
     "no end in view": Case("arrived", "on the landing", world={"nosings": steps(4), "shows_end": False}),
     "landing 30 mm lower than shown": Case("arrived", "on the landing", world={"nosings": steps(4), "shown": HIGH_TOP}),
     "further nosings at the crest": Case(
@@ -187,7 +187,7 @@ UP: dict[str, Case] = {
     "map corrected under way": Case(
         "arrived", "on the landing", after("climb", shown=steps(4)), {"nosings": steps(4), "shown": HIGH_TOP}
     ),
-    "wet steps": Case("climb", "the belts slip on the flight", wet),
+    "wet steps": Case("climb", "the belts slip on the flight; .*have the steps dried and re-arm", wet),
 }
 DOWN: dict[str, Case] = {
     "whole way": Case("arrived", "on the floor, pitch -?0.0°", world={"nosings": steps(5)}),

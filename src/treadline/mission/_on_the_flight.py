@@ -87,13 +87,13 @@ def loses_grip(now: Situation) -> str | None:
 
     All tracks slip that turn: a chair that starts on the flight, at any heading, is left to the guard.
     """
-    return None if now.waits else f"the belts slip on the flight; {way_out(now)}"
+    return None if now.waits else f"the belts slip on the flight; {way_out(now, slips=True)}"
 
 
-def way_out(now: Situation) -> str:
-    """Return what a person can do for a chair that is held on its way up."""
+def way_out(now: Situation, *, slips: bool) -> str:
+    """Return what a person can do for a chair that is held on its way up, where its belts slip or for another reason."""
     back = "send the chair back down, or " if now.has_entered else ""
-    return f"{back}have the steps dried and re-arm it to go on up"
+    return f"{back}{'have the steps dried and ' if slips else ''}re-arm it to go on up"
 
 
 def answered(now: Situation) -> Situation:

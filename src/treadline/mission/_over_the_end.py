@@ -136,8 +136,10 @@ def rides_again(now: Situation) -> str | None:
 
 def is_barred(now: Situation) -> str | None:
     """The flipper does not follow, or the chair not its way; each re-arm allows another try."""
-    barred = _barred(now)
-    return f"{barred}; {way_out(now)}" if barred and now.is_up and now.is_on_a_flight else barred or None
+    command, barred = now.crossing.command, _barred(now)
+    if command is None or not barred or not (now.is_up and now.is_on_a_flight):
+        return barred or None
+    return f"{barred}; {way_out(now, slips=command.slips)}"
 
 
 def turns_back(now: Situation) -> str | None:
