@@ -457,8 +457,7 @@ class Follower:
         if watched is not table or at.to_go_s < least_s - 1.0:
             self._watched = table, at.to_go_s
             if watched is table:
-                self._waited_s = self._ran_m = self._stayed_m = 0.0
-                self._has_carried = False
+                self._waited_s, self._has_carried, self._ran_m, self._stayed_m = 0.0, False, 0.0, 0.0
         self._has_carried |= not self._tip.is_unloaded
         self._stayed_m += self._length_m * (rate * dt_s - turned)
         carried = STALLS if self._ran_m < abs(self._stayed_m) else SLIPS

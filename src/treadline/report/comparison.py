@@ -348,7 +348,8 @@ def _printed_controller(printed: PrintedController) -> Values:
         "max_gap_to_print": printed.max_gap_to_print,
         "asked": f"{max(printed.asked_m_s, key=abs):.2f} m/s",
         "limit": printed.max_speed_m_s,
-        "ends": "; ".join(f"drives for {run.duration_s:.1f} s ({run.verdict})" for run in printed.runs) or "not run",
+        "ends": "; ".join(f"drives {r.duration_s:.1f} s ({r.verdict}), rolls back {r.roll_back_m:.2f} m" for r in printed.runs)
+        or "not run",
         "failed": sum(run.verdict not in COMPLETED for run in printed.runs) if printed.runs else None,
     }
 
