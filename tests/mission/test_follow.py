@@ -147,10 +147,14 @@ def test_what_the_map_and_the_motor_may_err_leaves_it_quiet(changes: dict[str, A
 
 @BOTH_WAYS
 @pytest.mark.parametrize(
-    ("why", "flipper"),
-    [("not carry", {"flipper_moves": False}), ("not carry|not rise", {"most_n_m": 0.0}), ("too weak for this", {"most_n_m": 80.0})],
+    ("flipper", "why"),
+    [
+        pytest.param({"flipper_moves": False}, "it would not carry the chair", id="stuck"),
+        pytest.param({"most_n_m": 0.0}, "it would not carry the chair|it does not rise", id="dead"),
+        pytest.param({"most_n_m": 80.0}, "its motor is too weak for this load", id="weak"),
+    ],
 )
-def test_a_flipper_that_does_not_follow_is_found_before_the_chair_needs_it(flipper: Any, why: str, *, up: bool) -> None:
+def test_a_flipper_that_does_not_follow_is_found_before_the_chair_needs_it(flipper: dict[str, Any], why: str, *, up: bool) -> None:
     drive = Drive(up=up, flipper=flipper)
     assert re.search(why, drive.ends().barred)
     pose = drive.body.pose

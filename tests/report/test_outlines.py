@@ -7,16 +7,11 @@ import pytest
 from drawings.paper_figures import ABOVE
 
 from treadline.core.rotations import rotation_x, rotation_z
-from treadline.report.side_view import SIDE, Loop, area_m2, silhouettes
+from treadline.report.side_view import SIDE, area_m2, silhouettes
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair
 from treadline.vehicle.appearance import body_poses, chair_parts
 from treadline.vehicle.appearance._mesh import Mesh, band, box, merged, part
-
-
-def _signed_area(loop: Loop) -> float:
-    x, z = loop.T
-    return 0.5 * float(x @ np.roll(z, -1) - z @ np.roll(x, -1))
 
 
 def _of(mesh: Mesh, **more: object) -> list:
@@ -36,7 +31,7 @@ def test_a_ring_has_an_outer_line_and_a_hole_that_runs_the_other_way() -> None:
     angle = np.linspace(0.0, 2.0 * math.pi, 60, endpoint=False)
     circle = np.column_stack([np.cos(angle), np.sin(angle)])
     (shape,) = _of(band(circle, 0.8 * circle, -0.1, 0.1, closed=True))
-    areas = sorted(_signed_area(loop) for loop in shape.loops)
+    areas = sorted(0.5 * float(x @ np.roll(z, -1) - z @ np.roll(x, -1)) for x, z in (loop.T for loop in shape.loops))
     polygon = 30.0 * math.sin(2.0 * math.pi / 60.0)  # area of a regular polygon with 60 corners on the unit circle
     assert areas == pytest.approx([-0.64 * polygon, polygon], rel=1e-5)
 
